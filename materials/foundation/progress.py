@@ -1,0 +1,41 @@
+"""Progress of all that takes longer than a few seconds; silent where nobody looks."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TypeVar
+
+logger = logging.getLogger("meniscus")
+Item = TypeVar("Item")
+_shown = False
+
+
+def show_progress(shown: bool) -> None:
+    """Turn the bars on or off; commands turn them on, notebooks may."""
+    global _shown
+    _shown = shown
+
+
+def tracked(items: Iterable[Item], label: str, total: int | None = None) -> Iterator[Item]:
+    """Yield the items, with a bar on stderr if progress is shown."""
+    if not _shown:
+        yield from items
+        return
+    from rich.console import Console
+    from rich.progress import track
+
+    yield from track(items, description=label, total=total, console=Console(stderr=True), transient=not sys.stderr.isatty())
+
+
+@contextmanager
+def stage(label: str) -> Iterator[None]:
+    """Log the start of a long step and how long it took."""
+    import time
+
+    start = time.perf_counter()
+    logger.info("%s …", label)
+    yield
+    logger.info("%s: %.1f s", label, time.perf_counter() - start)

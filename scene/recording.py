@@ -1,0 +1,353 @@
+"""recording/1: what was measured, frame by frame, and the JSON file that says so (docs/formats.md)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.errors import InputError
+from materials.foundation.files import write_json
+
+from .camera import Camera
+from .transforms import as_pose
+
+_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+
+@dataclass(frozen=True)
+class PointsFile:
+    """A sweep: file and pose `T_world_points` of its frame (the scanner)."""
+
+    file: Path
+    T_world_points: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MaskFile:
+    """Instance ids of dynamic objects (0 = static); `default_class` is "vehicle" or "pedestrian"; `classes` per id wins."""
+
+    file: Path
+    default_class: str = "vehicle"
+    classes: dict[int, str] | None = None
+
+
+@dataclass(frozen=True)
+class StereoFile:
+    """The second camera of a rectified pair."""
+
+    image: Path
+    camera: Camera
+
+
+@dataclass(frozen=True)
+class DisparityFile:
+    """Measured disparity: px = stored / scale, 0 = none; `baseline` in metres."""
+
+    file: Path
+    scale: float
+    baseline: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One photograph and what was measured with it."""
+
+    image: Path
+    camera: Camera
+    response: str | None = None
+    exposure: float = 1.0
+    lights: tuple[str, ...] | None = None
+    points: PointsFile | None = None
+    masks: MaskFile | None = None
+    stereo: StereoFile | None = None
+    disparity: DisparityFile | None = None
+    segmentation: Path | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the frame: its image file without suffix."""
+        return self.image.stem
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Pixel variance `read_sigma**2 + shot_gain * signal`, in the image's linear units."""
+
+    read_sigma: float
+    shot_gain: float
+
+
+@dataclass(frozen=True)
+class Recording:
+    """All frames of a drive or a capture; all paths are absolute once read.
+
+    Attributes
+    ----------
+    frames : tuple of Frame
+        In order of time.
+    points : Path or None
+        A static cloud of the whole recording, in world coordinates.
+    root : Path
+        Folder that the files lie below.
+    """
+
+    frames: tuple[Frame, ...]
+    root: Path
+    name: str = ""
+    points: Path | None = None
+    noise: Noise | None = None
+
+
+# The JSON as typed: msgspec refuses unknown keys and wrong kinds at every depth.
+class _CameraJson(msgspec.Struct, forbid_unknown_fields=True):
+    model: Literal["PINHOLE", "OPENCV", "ORTHOGRAPHIC"]
+    width: int
+    height: int
+    T_world_camera: list[list[float]]
+    fx: float | None = None
+    fy: float | None = None
+    cx: float | None = None
+    cy: float | None = None
+    k1: float = 0.0
+    k2: float = 0.0
+    p1: float = 0.0
+    p2: float = 0.0
+    pixel_size: float | None = None
+
+
+class _PointsJson(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    T_world_points: list[list[float]]
+
+
+class _MasksJson(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    default_class: Literal["vehicle", "pedestrian"] = "vehicle"
+    classes: dict[str, Literal["vehicle", "pedestrian"]] | None = None
+
+
+class _StereoJson(msgspec.Struct, forbid_unknown_fields=True):
+    image: str
+    camera: _CameraJson
+
+
+class _DisparityJson(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    scale: float
+    baseline: float
+
+
+class _FrameJson(msgspec.Struct, forbid_unknown_fields=True):
+    image: str
+    camera: _CameraJson
+    response: Literal["linear", "srgb"] | None = None
+    exposure: float = 1.0
+    lights: list[str] | None = None
+    points: _PointsJson | None = None
+    masks: _MasksJson | None = None
+    stereo: _StereoJson | None = None
+    disparity: _DisparityJson | None = None
+    segmentation: str | None = None
+
+
+class _NoiseJson(msgspec.Struct, forbid_unknown_fields=True):
+    read_sigma: float
+    shot_gain: float
+
+
+class _RecordingJson(msgspec.Struct, forbid_unknown_fields=True):
+    format: Literal["recording/1"]
+    frames: list[_FrameJson]
+    length_unit: Literal["m", "cm", "mm"] = "m"
+    name: str = ""
+    points: str | None = None
+    noise: _NoiseJson | None = None
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a recording/1 file, or the `recording.json` of a folder.
+
+    Lengths are converted to metres. That the files it names exist is checked here; that they can be read, when they are.
+
+    Raises
+    ------
+    InputError
+        If the file is no JSON, a key is unknown, missing or of the wrong kind, a pose is not rigid, a path leaves the
+        folder or does not exist, or there are no frames.
+    """
+    path = Path(path)
+    path = path / "recording.json" if path.is_dir() else path
+    try:
+        data = msgspec.json.decode(path.read_bytes(), type=_RecordingJson)
+    except FileNotFoundError as error:
+        raise InputError("exist", file=path, remedy="Check the path.") from error
+    except msgspec.DecodeError as error:
+        raise _worded(error, path) from error
+    try:
+        if not data.frames:
+            raise InputError("hold at least one frame", got="none", key="frames")
+        unit = _METRES[data.length_unit]
+        root = path.parent
+        frames = tuple(_frame(f, f"frames[{i}]", root, unit) for i, f in enumerate(data.frames))
+        points = None if data.points is None else _below(root, data.points, "points")
+        noise = None
+        if data.noise is not None:
+            for key in ("read_sigma", "shot_gain"):
+                if not getattr(data.noise, key) >= 0:
+                    raise InputError("be at least 0", got=getattr(data.noise, key), key=f"noise.{key}")
+            noise = Noise(data.noise.read_sigma, data.noise.shot_gain)
+    except InputError as error:
+        raise error.at(file=path) from error
+    return Recording(frames, root.resolve(), data.name or path.parent.resolve().name, points, noise)
+
+
+def write_recording(path: str | Path, recording: Recording) -> None:
+    """Write a recording/1 file; every file of it must lie below the JSON's folder."""
+    root = Path(path).parent.resolve()
+    out: dict[str, Any] = {"format": "recording/1", "length_unit": "m", "name": recording.name}
+    if recording.points is not None:
+        out["points"] = _relative(recording.points, root)
+    if recording.noise is not None:
+        out["noise"] = {"read_sigma": recording.noise.read_sigma, "shot_gain": recording.noise.shot_gain}
+    out["frames"] = [_frame_json(frame, root) for frame in recording.frames]
+    write_json(path, out)
+
+
+def camera_json(camera: Camera) -> dict[str, Any]:
+    """Return a camera as the formats write it."""
+    out: dict[str, Any] = {"model": camera.model, "width": camera.width, "height": camera.height}
+    if camera.model == "ORTHOGRAPHIC":
+        out |= {"pixel_size": camera.pixel_size, "cx": camera.cx, "cy": camera.cy}
+    else:
+        out |= {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy")}
+    if camera.model == "OPENCV":
+        out |= {key: getattr(camera, key) for key in ("k1", "k2", "p1", "p2")}
+    return out | {"T_world_camera": camera.T_world_camera.tolist()}
+
+
+def select_frames(recording: Recording, indices: list[int]) -> Recording:
+    """Return the recording with some of its frames only."""
+    return replace(recording, frames=tuple(recording.frames[i] for i in indices))
+
+
+def _frame(f: _FrameJson, key: str, root: Path, unit: float) -> Frame:
+    if not f.exposure > 0:
+        raise InputError("be positive", got=f.exposure, key=f"{key}.exposure")
+    points = masks = stereo = disparity = None
+    if f.points is not None:
+        pose = _pose(f.points.T_world_points, f"{key}.points.T_world_points", unit)
+        points = PointsFile(_below(root, f.points.file, f"{key}.points.file"), pose)
+    if f.masks is not None:
+        classes = f.masks.classes
+        if classes is not None and not all(name.isdigit() for name in classes):
+            raise InputError("have instance numbers as keys", got=list(classes), key=f"{key}.masks.classes")
+        by_id = None if classes is None else {int(name): kind for name, kind in classes.items()}
+        masks = MaskFile(_below(root, f.masks.file, f"{key}.masks.file"), f.masks.default_class, by_id)
+    if f.stereo is not None:
+        image = _below(root, f.stereo.image, f"{key}.stereo.image")
+        stereo = StereoFile(image, _camera(f.stereo.camera, f"{key}.stereo.camera", unit))
+    if f.disparity is not None:
+        for name in ("scale", "baseline"):
+            if not getattr(f.disparity, name) > 0:
+                raise InputError("be positive", got=getattr(f.disparity, name), key=f"{key}.disparity.{name}")
+        file = _below(root, f.disparity.file, f"{key}.disparity.file")
+        disparity = DisparityFile(file, f.disparity.scale, f.disparity.baseline * unit)
+    segmentation = None if f.segmentation is None else _below(root, f.segmentation, f"{key}.segmentation")
+    return Frame(
+        _below(root, f.image, f"{key}.image"),
+        _camera(f.camera, f"{key}.camera", unit),
+        f.response,
+        f.exposure,
+        None if f.lights is None else tuple(f.lights),
+        points,
+        masks,
+        stereo,
+        disparity,
+        segmentation,
+    )
+
+
+def _camera(c: _CameraJson, key: str, unit: float) -> Camera:
+    for name in ("width", "height"):
+        if not 0 < getattr(c, name) <= 65535:
+            raise InputError("lie in [1, 65535]", got=getattr(c, name), key=f"{key}.{name}")
+    if c.model == "ORTHOGRAPHIC":
+        if c.pixel_size is None or not c.pixel_size > 0:
+            raise InputError("be given and positive for an ORTHOGRAPHIC camera", got=c.pixel_size, key=f"{key}.pixel_size")
+    else:
+        for name in ("fx", "fy"):
+            value = getattr(c, name)
+            if value is None or not value > 0:
+                raise InputError(f"be given and positive for a {c.model} camera", got=value, key=f"{key}.{name}")
+    pose = _pose(c.T_world_camera, f"{key}.T_world_camera", unit)
+    cx = c.width / 2 if c.cx is None else c.cx
+    cy = c.height / 2 if c.cy is None else c.cy
+    size = None if c.pixel_size is None else c.pixel_size * unit
+    return Camera(c.model, c.width, c.height, pose, c.fx or 1.0, c.fy or 1.0, cx, cy, c.k1, c.k2, c.p1, c.p2, size)
+
+
+def _pose(rows: list[list[float]], key: str, unit: float) -> NDArray[np.float64]:
+    T = as_pose(rows, key)
+    T[:3, 3] *= unit
+    return T
+
+
+def _below(root: Path, name: str, key: str) -> Path:
+    """Resolve a path of the JSON, refusing what leaves its folder."""
+    if not name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+        raise InputError("be a path below the folder of the JSON", got=name, key=key)
+    path = root / name
+    if not path.exists():
+        raise InputError("name a file that exists", got=name, key=key, remedy="Check the path.")
+    return path.resolve()
+
+
+def _relative(path: Path, root: Path) -> str:
+    try:
+        return path.resolve().relative_to(root).as_posix()
+    except ValueError as error:
+        raise InputError(f"lie below {root}", got=path, key="every file of a recording") from error
+
+
+def _frame_json(frame: Frame, root: Path) -> dict[str, Any]:
+    out: dict[str, Any] = {"image": _relative(frame.image, root)}
+    if frame.response is not None:
+        out["response"] = frame.response
+    if frame.exposure != 1.0:
+        out["exposure"] = frame.exposure
+    if frame.lights is not None:
+        out["lights"] = list(frame.lights)
+    out["camera"] = camera_json(frame.camera)
+    if frame.points is not None:
+        out["points"] = {"file": _relative(frame.points.file, root), "T_world_points": frame.points.T_world_points.tolist()}
+    if frame.masks is not None:
+        out["masks"] = {"file": _relative(frame.masks.file, root), "default_class": frame.masks.default_class}
+        if frame.masks.classes is not None:
+            out["masks"]["classes"] = {str(k): v for k, v in frame.masks.classes.items()}
+    if frame.stereo is not None:
+        out["stereo"] = {"image": _relative(frame.stereo.image, root), "camera": camera_json(frame.stereo.camera)}
+    if frame.disparity is not None:
+        d = frame.disparity
+        out["disparity"] = {"file": _relative(d.file, root), "scale": d.scale, "baseline": d.baseline}
+    if frame.segmentation is not None:
+        out["segmentation"] = _relative(frame.segmentation, root)
+    return out
+
+
+def _worded(error: msgspec.DecodeError, path: Path) -> InputError:
+    """Turn msgspec's message (`… - at `$.frames[0].image``) into ours, with the key as the user typed it."""
+    text, _, place = str(error).partition(" - at `$")
+    key = place.rstrip("`").lstrip(".") or None
+    if "unknown field" in text:
+        unknown = text.split("`")[1]
+        return InputError(
+            "be a known key", file=path, key=f"{key}.{unknown}" if key else unknown, remedy="Check its spelling against docs/formats.md."
+        )
+    if isinstance(error, msgspec.ValidationError):
+        return InputError("be valid", got=text[:1].lower() + text[1:], file=path, key=key, remedy="See docs/formats.md.")
+    return InputError("be JSON", got=text, file=path, remedy="Mend the file.")
