@@ -1,0 +1,221 @@
+"""scene/1: a reconstructed drive on disk, and in memory as the augmentation reads it.
+
+    SCENE/
+      scene.json                 this file's format
+      recording/recording.json   the input images, masks and poses, copied byte by byte: a scene stands on its own
+      meshes/ground.ply, meshes/environment.ply
+      cardboards/FRAME.ply       all dynamic objects of a frame; vertex attribute `instance` is the mask id
+      maps/*.exr                 ground maps on one metric grid (rows along +y), and the sky panorama
+      preview/*.png, report.json
+
+Static meshes carry per-vertex attributes `fill_r, fill_g, fill_b` (linear radiance seen by other frames) and `fill_w`
+(0 = seen by no frame).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.errors import InputError
+from materials.foundation.files import write_json
+
+from .grid import GroundGrid
+from .images import read_exr, write_exr
+from .mesh import Mesh, read_ply, write_ply
+from .recording import Recording, read_recording
+
+GROUND_MAPS = ("height", "mask", "moisture", "puddles", "coverage")
+
+
+@dataclass(frozen=True)
+class Cardboard:
+    """A dynamic object of one frame: a vertical rectangle that its mask cuts out.
+
+    Attributes
+    ----------
+    instance : int
+        Id in the frame's mask.
+    kind : str
+        "vehicle" or "pedestrian".
+    corners_world : (4, 3) float64
+        Bottom left, bottom right, top right, top left as the camera sees it [m].
+    """
+
+    instance: int
+    kind: str
+    corners_world: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Radiance from beyond all meshes.
+
+    Attributes
+    ----------
+    panorama : (H, W, 4) float32
+        Linear RGB seen by any frame, and its weight (0 = unseen). Rows from the zenith (first) to the nadir, columns
+        from azimuth -pi to pi, where azimuth = atan2(y, x) in the world.
+    """
+
+    panorama: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A reconstructed drive.
+
+    Attributes
+    ----------
+    ground, environment : Mesh
+        Static world, with the fill colours of `scene/1`.
+    maps : dict of (rows, cols) float32
+        `height` [m], `mask` (M of eq 6.5), `moisture` (S0), `puddles` (A0), `coverage` (1 where there is ground).
+    class_means : dict of (3,)
+        Mean linear radiance of "ground", "environment", "vehicle", "pedestrian" over the drive, for what no frame sees.
+    cardboards : tuple of tuples
+        Per frame of the recording.
+    settings : dict
+        All settings of the build.
+    """
+
+    name: str
+    recording: Recording
+    ground: Mesh
+    environment: Mesh
+    grid: GroundGrid
+    maps: dict[str, NDArray[np.float32]]
+    sky: Sky
+    class_means: dict[str, NDArray[np.float32]]
+    cardboards: tuple[tuple[Cardboard, ...], ...]
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+class _GridJson(msgspec.Struct, forbid_unknown_fields=True):
+    x_min: float
+    y_min: float
+    cell: float
+    rows: int
+    cols: int
+    maps: dict[str, str]
+
+
+class _CardboardJson(msgspec.Struct, forbid_unknown_fields=True):
+    instance: int
+    kind: Literal["vehicle", "pedestrian"]
+    corners_world: list[list[float]]
+
+
+class _FrameJson(msgspec.Struct, forbid_unknown_fields=True):
+    name: str
+    cardboards: list[_CardboardJson]
+
+
+class _SceneJson(msgspec.Struct, forbid_unknown_fields=True):
+    format: Literal["scene/1"]
+    name: str
+    recording: str
+    ground: str
+    environment: str
+    ground_maps: _GridJson
+    sky: str
+    class_means: dict[str, list[float]]
+    frames: list[_FrameJson]
+    settings: dict[str, Any]
+
+
+def write_scene(folder: str | Path, scene: Scene) -> None:
+    """Write meshes, maps and `scene.json`, the last of all: a folder without it is no scene.
+
+    The recording must already lie in `folder/recording`.
+    """
+    folder = Path(folder)
+    write_ply(folder / "meshes" / "ground.ply", scene.ground)
+    write_ply(folder / "meshes" / "environment.ply", scene.environment)
+    for name, values in scene.maps.items():
+        write_exr(folder / "maps" / f"{name}.exr", {"Y": values})
+    write_exr(folder / "maps" / "sky.exr", dict(zip("RGBA", np.moveaxis(scene.sky.panorama, -1, 0), strict=True)))
+    for frame, boards in zip(scene.recording.frames, scene.cardboards, strict=True):
+        if boards:
+            write_ply(folder / "cardboards" / f"{frame.name}.ply", cardboard_mesh(boards))
+    grid = {key: getattr(scene.grid, key) for key in ("x_min", "y_min", "cell", "rows", "cols")}
+    frames = [
+        {
+            "name": frame.name,
+            "cardboards": [{"instance": b.instance, "kind": b.kind, "corners_world": b.corners_world.tolist()} for b in boards],
+        }
+        for frame, boards in zip(scene.recording.frames, scene.cardboards, strict=True)
+    ]
+    write_json(
+        folder / "scene.json",
+        {
+            "format": "scene/1",
+            "name": scene.name,
+            "recording": "recording/recording.json",
+            "ground": "meshes/ground.ply",
+            "environment": "meshes/environment.ply",
+            "ground_maps": {**grid, "maps": {name: f"maps/{name}.exr" for name in scene.maps}},
+            "sky": "maps/sky.exr",
+            "class_means": {name: [float(c) for c in value] for name, value in scene.class_means.items()},
+            "frames": frames,
+            "settings": scene.settings,
+        },
+    )
+
+
+def read_scene(folder: str | Path) -> Scene:
+    """Read a scene folder.
+
+    Raises
+    ------
+    InputError
+        If `scene.json` is missing or breaks the format, or a file that it names is missing or damaged.
+    """
+    folder = Path(folder)
+    file = folder / "scene.json"
+    if not file.exists():
+        raise InputError("be a scene (with a scene.json)", file=folder, remedy="Build it with scene-build RECORDING -o SCENE.")
+    try:
+        data = msgspec.json.decode(file.read_bytes(), type=_SceneJson)
+    except msgspec.DecodeError as error:
+        raise InputError("be valid scene/1", got=error, file=file, remedy="Build the scene again.") from error
+    g = data.ground_maps
+    grid = GroundGrid(g.x_min, g.y_min, g.cell, g.rows, g.cols)
+    maps = {}
+    for name, path in g.maps.items():
+        maps[name] = read_exr(folder / path)["Y"].astype(np.float32)
+        if maps[name].shape != grid.shape:
+            raise InputError(f"have the grid's shape {grid.shape}", got=maps[name].shape, file=folder / path)
+    missing = [name for name in GROUND_MAPS if name not in maps]
+    if missing:
+        raise InputError("be given", file=file, key=f"ground_maps.maps.{missing[0]}", remedy="Build the scene again.")
+    sky = read_exr(folder / data.sky)
+    recording = read_recording(folder / data.recording)
+    if [f.name for f in data.frames] != [f.name for f in recording.frames]:
+        raise InputError("list the frames of the recording", file=file, key="frames", remedy="Build the scene again.")
+    return Scene(
+        data.name,
+        recording,
+        read_ply(folder / data.ground),
+        read_ply(folder / data.environment),
+        grid,
+        maps,
+        Sky(np.stack([sky[c] for c in "RGBA"], axis=-1).astype(np.float32)),
+        {name: np.array(value, np.float32) for name, value in data.class_means.items()},
+        tuple(tuple(Cardboard(b.instance, b.kind, np.array(b.corners_world)) for b in f.cardboards) for f in data.frames),
+        data.settings,
+    )
+
+
+def cardboard_mesh(boards: tuple[Cardboard, ...]) -> Mesh:
+    """Return the cardboards of a frame as one mesh; vertex attribute `instance` holds the mask id."""
+    vertices = np.concatenate([b.corners_world for b in boards]).astype(np.float32)
+    quad = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
+    faces = np.concatenate([quad + np.uint32(4 * i) for i in range(len(boards))])
+    instance = np.repeat([b.instance for b in boards], 4).astype(np.int32)
+    return Mesh(vertices, faces, attributes={"instance": instance})

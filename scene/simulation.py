@@ -1,0 +1,124 @@
+"""A synthetic world in memory: shapes, materials and lights, as `simulation/1` names them and the tracer compiles them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .mesh import Mesh
+
+RGB = tuple[float, float, float]
+# Textures are (H, W) or (H, W, 3) float32, texel (i, j) centred at ((i + 0.5) / W, (j + 0.5) / H), bilinear, repeating.
+Texture = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Film:
+    """A layer of water on a material.
+
+    Attributes
+    ----------
+    coverage : float or texture
+        Share of the area below water, 0 to 1.
+    thickness : float or texture
+        Depth of the water [m].
+    eta : float
+        Its refractive index.
+    sigma_a : RGB
+        Absorption [1/m].
+    alpha : float
+        GGX width of its surface; 0 is smooth.
+    level : bool
+        Whether the water's surface is horizontal (a puddle) rather than parallel to the ground (a thin film).
+    """
+
+    coverage: float | Texture
+    thickness: float | Texture = 0.0
+    eta: float = 1.33
+    sigma_a: RGB = (0.3, 0.06, 0.02)
+    alpha: float = 0.0
+    level: bool = True
+
+
+@dataclass(frozen=True)
+class Material:
+    """How a shape scatters. `model` is one of
+
+    - `lambert`: albedo / pi
+    - `ggx`: Lambert (not reduced by the specular term) + specular_scale x GGX (height-correlated Smith, Schlick from eta)
+    - `coated`: a smooth dielectric interface (eta, exact Fresnel) over a Lambertian base, all internal bounces included
+    - `mirror`: a perfect mirror times albedo
+    - `dielectric`: smooth glass or water, eta inside over outside; `rough_dielectric` with alpha
+    - `emission`: black, emits
+
+    A `film` may lie on `lambert`, `ggx` and `coated`.
+    """
+
+    model: Literal["lambert", "ggx", "coated", "mirror", "dielectric", "rough_dielectric", "emission"] = "lambert"
+    albedo: RGB = (0.5, 0.5, 0.5)
+    albedo_texture: Texture | None = None
+    eta: float = 1.5
+    alpha: float = 0.3
+    alpha_texture: Texture | None = None
+    specular_scale: float = 1.0
+    normal_texture: Texture | None = None
+    opacity_texture: Texture | None = None
+    emission: RGB = (0.0, 0.0, 0.0)
+    film: Film | None = None
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A mesh with its material; `instance` is the id of a dynamic object, 0 for the static world.
+
+    `kind` is what a segmentation would say: "road", "pavement", "soil", "vegetation", "building", "vehicle", ….
+    """
+
+    name: str
+    mesh: Mesh
+    material: str
+    instance: int = 0
+    kind: str = "other"
+
+
+@dataclass(frozen=True)
+class DirectionalLight:
+    """Light from far away, travelling along `direction`; `irradiance` on a plane facing it [W/m²].
+
+    `angular_radius` [rad] makes it a disc in the sky (the sun: 0.00465); 0 is a delta light.
+    """
+
+    direction: RGB
+    irradiance: RGB
+    angular_radius: float = 0.0
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """`intensity` [W/sr] in all directions."""
+
+    position: RGB
+    intensity: RGB
+
+
+@dataclass(frozen=True)
+class EnvironmentLight:
+    """Radiance from infinity: a constant, or a panorama (H, W, 3) laid out as `scene_file.Sky`."""
+
+    radiance: RGB = (0.0, 0.0, 0.0)
+    panorama: NDArray[np.float32] | None = None
+
+
+Light = DirectionalLight | PointLight | EnvironmentLight
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Shapes, the materials they name, and the lights. Static shapes come first for the tracer's sake: it sorts them."""
+
+    shapes: tuple[Shape, ...]
+    materials: dict[str, Material]
+    lights: dict[str, Light] = field(default_factory=dict)
