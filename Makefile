@@ -1,0 +1,45 @@
+# `make` alone prints the list below. Everything runs in .venv, which `make setup` builds from requirements.lock.
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help setup lint format test demo bench proof lock clean
+export PYTHON
+
+BIN := .venv/bin
+PACKAGES := materials scene transport evaluate
+CODE := $(PACKAGES) benchmarks tests tools
+
+help:  ## print this list
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | while IFS=$$'\t' read -r name text; do printf '  make %-7s %s\n' "$$name" "$$text"; done
+
+setup:  ## build .venv: system libraries, locked requirements, this checkout
+	@tools/setup.sh
+
+lint: setup  ## ruff, basedpyright, import-linter
+	$(BIN)/ruff check $(CODE)
+	$(BIN)/ruff format --check $(CODE)
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+
+format: setup  ## let ruff rewrite the code
+	$(BIN)/ruff check --fix $(CODE)
+	$(BIN)/ruff format $(CODE)
+
+test: setup lint  ## lint, then the whole test suite with its doctests
+	$(BIN)/python -m pytest $(ARGS)
+
+demo: setup  ## build the built-in street, wet it three times, leave a contact sheet in out/
+	$(BIN)/python -m transport.demo $(ARGS)
+
+bench: setup  ## measure speed against other renderers (they are installed first) -> out/bench.jsonl
+	$(BIN)/python -m benchmarks $(ARGS)
+
+proof: setup  ## show what is claimed, number by number -> out/proof.jsonl
+	$(BIN)/python -m benchmarks.proof $(ARGS)
+
+lock: setup  ## renew the lock files from pyproject.toml (needs network and uv)
+	tools/lock.sh
+
+clean:  ## remove the environment, caches and results
+	rm -rf .venv out .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find $(CODE) -name __pycache__ -type d -prune -exec rm -rf {} +
