@@ -74,9 +74,9 @@ if [ ! -e .venv ]; then
 fi
 rm -f .venv/stamp
 say "installing the locked requirements into .venv (about 2.5 GB at the first time; a few minutes)"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock ||
+.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements.lock ||
     fail "pip could not install the locked requirements. Is there a network, and is there space on the disk?"
 say "putting this checkout into .venv"
-.venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --no-index --editable .
+.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --no-deps --no-build-isolation --no-index --editable .
 echo "$stamp" >.venv/stamp
 say "done"
