@@ -1,0 +1,68 @@
+"""A water film or varnish: a dielectric interface over a base that lies inside it, with absorption in between.
+
+Radiance through the interface from wi to wo carries T(cos_i) T(cos_o) / film_eta^2, T = 1 - F, and exp(-tau / cos) on
+each crossing, cos inside. Over a Lambertian base the light that the interface sends back inside is a geometric series,
+summed in closed form: a / pi / (1 - a Fdi(tau)). Over a base with a specular lobe the lobe is seen once through the
+interface; light of the lobe that the interface sends back inside is neglected (it is lost).
+"""
+
+import math
+
+from numba import njit
+
+from .fresnel import dielectric, diffuse_internal_absorbed, normal_reflectance, schlick
+from .ggx import evaluate_schlick
+from .ggx import pdf as ggx_pdf
+from .ggx import sample as ggx_sample
+from .lambert import INV_PI
+
+
+@njit(cache=True, error_model="numpy")
+def inside(w, film_eta):
+    """Return the direction inside the film, leaving the base, that w above the film is bent into."""
+    x, y = w[0] / film_eta, w[1] / film_eta
+    return (x, y, math.sqrt(max(1.0 - x * x - y * y, 0.0)))
+
+
+@njit(cache=True, error_model="numpy")
+def diffuse_channel(albedo, film_eta, tau, path):
+    """Return the diffuse BRDF of one channel but for T T: path is 1 / cos_i + 1 / cos_o inside the film."""
+    if albedo <= 0.0:
+        return 0.0
+    series = 1.0 - albedo * diffuse_internal_absorbed(film_eta, tau)
+    return albedo * INV_PI * math.exp(-tau * path) / (film_eta * film_eta * series)
+
+
+@njit(cache=True, error_model="numpy")
+def base_lobe(wo_in, wi_in, eta, film_eta, alpha_u, alpha_v):
+    """Return the specular lobe of the base, lit and seen from inside the film."""
+    return evaluate_schlick(wo_in, wi_in, normal_reflectance(eta / film_eta), alpha_u, alpha_v)
+
+
+@njit(cache=True, error_model="numpy")
+def base_pdf(wo_in, wi_in, cos_i, film_eta, alpha_u, alpha_v):
+    """Return the density of `base_sample` per solid angle outside: dw_in / dw = cos_i / (film_eta^2 cos_in)."""
+    return ggx_pdf(wo_in, wi_in, alpha_u, alpha_v) * cos_i / (film_eta * film_eta * wi_in[2])
+
+
+@njit(cache=True, error_model="numpy")
+def base_sample(wo_in, film_eta, alpha_u, alpha_v, u0, u1):
+    """Return a direction outside, reached by the base's lobe; z <= 0 where the light cannot leave the film."""
+    wi_in = ggx_sample(wo_in, alpha_u, alpha_v, u0, u1)
+    x, y = wi_in[0] * film_eta, wi_in[1] * film_eta
+    z2 = 1.0 - x * x - y * y
+    if wi_in[2] <= 0.0 or z2 <= 0.0:
+        return (0.0, 0.0, -1.0)
+    return (x, y, math.sqrt(z2))
+
+
+@njit(cache=True, error_model="numpy")
+def lobe_weights(cos_o, mean_albedo, specular_scale, eta, film_eta):
+    """Return about how much light the interface, the diffuse base and the base's lobe send towards cos_o."""
+    f = dielectric(cos_o, film_eta)
+    through = (1.0 - f) * (1.0 - f)
+    lobe = 0.0
+    if specular_scale > 0.0:
+        cos_in = math.sqrt(max(1.0 - (1.0 - cos_o * cos_o) / (film_eta * film_eta), 0.0))
+        lobe = through * specular_scale * schlick(cos_in, normal_reflectance(eta / film_eta))
+    return f, (1.0 - f) * mean_albedo, lobe
