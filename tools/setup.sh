@@ -49,7 +49,12 @@ install_packages() {
         fail "apt-get could not install ${packages[*]}."
 }
 
-python=$(find_python)
+# An environment that works here is kept, whatever Python the PATH now finds first, unless another is asked for by name.
+if [ -n "${PYTHON:-}" ] || [ "$(cat .venv/place 2>/dev/null)" != "$(pwd)" ] || ! .venv/bin/python -c 'import pip' 2>/dev/null; then
+    python=$(find_python)
+else
+    python=$(pwd)/.venv/bin/python
+fi
 if [ "$(uname)" = Linux ]; then
     mapfile -t packages < <(missing_packages | sort -u)
     if [ "${#packages[@]}" -gt 0 ]; then install_packages; fi
@@ -62,13 +67,9 @@ stamp=$(
 )
 if [ "$(cat .venv/stamp 2>/dev/null)" = "$stamp" ]; then exit 0; fi
 
-if [ -e .venv ] && ! { [ -x .venv/bin/python ] && .venv/bin/python -c 'import pip' 2>/dev/null &&
-    [ "$(.venv/bin/python -V)" = "$("$python" -V)" ] && [ "$(cat .venv/place 2>/dev/null)" = "$(pwd)" ]; }; then
-    say "the environment belongs to another Python or another folder; building it anew"
+if [ "$python" != "$(pwd)/.venv/bin/python" ]; then
+    say "making .venv with $("$python" -V) ($python)"
     rm -rf .venv
-fi
-if [ ! -e .venv ]; then
-    say "making .venv with $("$python" -V)"
     "$python" -m venv .venv
     pwd >.venv/place
 fi
