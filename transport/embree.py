@@ -22,7 +22,14 @@ _FLOAT3, _UINT3 = 0x9003, 0x5003
 _ROBUST = 1 << 2
 _QUALITY_HIGH = 2
 _VERSION_MAJOR_PROPERTY = 1
-_ERRORS = {1: "unknown error", 2: "invalid argument", 3: "invalid operation", 4: "out of memory", 5: "unsupported processor", 6: "cancelled"}
+_ERRORS = {
+    1: "unknown error",
+    2: "invalid argument",
+    3: "invalid operation",
+    4: "out of memory",
+    5: "unsupported processor",
+    6: "cancelled",
+}
 
 
 def _library_path() -> Path:
@@ -36,7 +43,12 @@ def _library_path() -> Path:
             path = Path(str(file.locate())).resolve()
             if path.exists():
                 return path
-    raise InputError("bring the Embree 4 library", got="no file named *embree4*", key="embreex", remedy="Reinstall it: `pip install --force-reinstall embreex`.")
+    raise InputError(
+        "bring the Embree 4 library",
+        got="no file named *embree4*",
+        key="embreex",
+        remedy="Reinstall it: `pip install --force-reinstall embreex`.",
+    )
 
 
 def _load() -> ctypes.CDLL:
@@ -74,7 +86,9 @@ _library = _load()
 _device = _library.rtcNewDevice(None)
 version = _library.rtcGetDeviceProperty(_device, 0)
 if not 40000 <= version < 50000:
-    raise InputError("be Embree 4", got=f"version {version}", key="embreex", remedy="Install a release of embreex that ships Embree 4.")
+    raise InputError(
+        "be Embree 4", got=f"version {version}", key="embreex", remedy="Install a release of embreex that ships Embree 4."
+    )
 
 
 class EmbreeScene:

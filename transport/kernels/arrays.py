@@ -1,0 +1,60 @@
+"""The world as compiled kernels see it: named tuples of arrays, and where each value stands in their rows."""
+
+from typing import Any, NamedTuple
+
+# Columns of WorldArrays.material_values.
+ALBEDO, SPECULAR_SCALE, ETA, ALPHA_U, ALPHA_V, EMISSION = 0, 3, 4, 5, 6, 7
+FILM_COVERAGE, FILM_THICKNESS, FILM_ETA, FILM_ALPHA, FILM_SIGMA_A, FILM_LEVEL = 10, 11, 12, 13, 14, 17
+NUM_VALUES = 18
+# Columns of WorldArrays.material_textures; -1 is none.
+ALBEDO_TEXTURE, ALPHA_TEXTURE, NORMAL_TEXTURE, OPACITY_TEXTURE, COVERAGE_TEXTURE, THICKNESS_TEXTURE = 0, 1, 2, 3, 4, 5
+NUM_TEXTURES = 6
+# Columns of LightArrays.suns and .points.
+SUN_DIRECTION, SUN_IRRADIANCE, SUN_COS, SUN_SOLID_ANGLE = 0, 3, 6, 7
+POINT_POSITION, POINT_INTENSITY = 0, 3
+
+
+class WorldArrays(NamedTuple):
+    """Geometry and materials; faces count static ones first.
+
+    `texels` holds all textures one after the other, row by row; `texture_info` their (offset, width, height, channels).
+    """
+
+    static_scene: int
+    dynamic_scene: int
+    num_static_faces: int
+    has_cutouts: bool
+    vertices: Any  # (V, 3) float32
+    faces: Any  # (F, 3) uint32
+    normals: Any  # (V, 3) float32
+    uv: Any  # (V, 2) float32
+    face_shape: Any  # (F,) int32
+    shape_material: Any  # (S,) int32
+    material_kind: Any  # (M,) int64
+    material_values: Any  # (M, NUM_VALUES) float64
+    material_textures: Any  # (M, NUM_TEXTURES) int32
+    texels: Any  # (N,) float32
+    texture_info: Any  # (T, 4) int64
+
+
+class LightArrays(NamedTuple):
+    """Lights; the panorama is empty (0 rows) where there is no environment."""
+
+    suns: Any  # (n, 8) float64
+    points: Any  # (n, 6) float64
+    panorama: Any  # (H, W, 3) float32
+    row_cdf: Any  # (H + 1,) float64
+    col_cdf: Any  # (H, W + 1) float64
+
+
+class CameraArrays(NamedTuple):
+    """A pinhole or orthographic camera: rays as affine functions of the pixel position."""
+
+    width: int
+    height: int
+    orthographic: bool
+    origin: Any  # (3,) float64
+    corner: Any  # (3,) float64: direction (or origin) of pixel position (0, 0)
+    step_x: Any  # (3,) float64: its change per pixel
+    step_y: Any  # (3,) float64
+    forward: Any  # (3,) float64

@@ -1,0 +1,123 @@
+"""Light from far away: a panorama sampled by its brightness, discs in the sky, and their densities.
+
+Panoramas run from the zenith (first row) to the nadir, columns from azimuth -pi to pi (azimuth = atan2(y, x)).
+"""
+
+import math
+
+from numba import njit
+
+from materials.kernels.frames import basis
+
+from .arrays import SUN_COS, SUN_DIRECTION, SUN_IRRADIANCE, SUN_SOLID_ANGLE
+
+
+@njit(cache=True)
+def _texel(panorama, dx, dy, dz):
+    """Return fractional (row, col) of a direction."""
+    height, width = panorama.shape[0], panorama.shape[1]
+    row = math.acos(min(1.0, max(-1.0, dz))) / math.pi * height
+    col = (math.atan2(dy, dx) / (2.0 * math.pi) + 0.5) * width
+    return row, col
+
+
+@njit(cache=True)
+def environment_radiance(panorama, dx, dy, dz):
+    """Return the panorama's radiance along a direction, bilinear."""
+    height, width = panorama.shape[0], panorama.shape[1]
+    if height == 0:
+        return 0.0, 0.0, 0.0
+    row, col = _texel(panorama, dx, dy, dz)
+    y = min(max(row - 0.5, 0.0), height - 1.0)
+    x = col - 0.5
+    y0 = int(y)
+    y1 = min(y0 + 1, height - 1)
+    fx = math.floor(x)
+    ax = x - fx
+    ay = y - y0
+    x0 = int(fx) % width
+    x1 = (x0 + 1) % width
+    w00 = (1.0 - ax) * (1.0 - ay)
+    w01 = ax * (1.0 - ay)
+    w10 = (1.0 - ax) * ay
+    w11 = ax * ay
+    r = panorama[y0, x0, 0] * w00 + panorama[y0, x1, 0] * w01 + panorama[y1, x0, 0] * w10 + panorama[y1, x1, 0] * w11
+    g = panorama[y0, x0, 1] * w00 + panorama[y0, x1, 1] * w01 + panorama[y1, x0, 1] * w10 + panorama[y1, x1, 1] * w11
+    b = panorama[y0, x0, 2] * w00 + panorama[y0, x1, 2] * w01 + panorama[y1, x0, 2] * w10 + panorama[y1, x1, 2] * w11
+    return r, g, b
+
+
+@njit(cache=True)
+def _texel_density(row_cdf, col_cdf, row, col, height, width):
+    """Return the density per solid angle of directions in a texel: its probability over its solid angle."""
+    probability = (row_cdf[row + 1] - row_cdf[row]) * (col_cdf[row, col + 1] - col_cdf[row, col])
+    solid_angle = (math.cos(math.pi * row / height) - math.cos(math.pi * (row + 1) / height)) * 2.0 * math.pi / width
+    return probability / solid_angle
+
+
+@njit(cache=True)
+def environment_pdf(panorama, row_cdf, col_cdf, dx, dy, dz):
+    """Return the density [1/sr] with which `sample_environment` gives a direction."""
+    height, width = panorama.shape[0], panorama.shape[1]
+    row, col = _texel(panorama, dx, dy, dz)
+    return _texel_density(row_cdf, col_cdf, min(int(row), height - 1), min(int(col), width - 1), height, width)
+
+
+@njit(cache=True)
+def _find(cdf, u):
+    """Return the index of the interval of a cumulative distribution that holds u."""
+    low, high = 0, len(cdf) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if cdf[middle] <= u:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def sample_environment(panorama, row_cdf, col_cdf, u0, u1):
+    """Return (direction, pdf): texels by brightness, uniform over the solid angle within one."""
+    height, width = panorama.shape[0], panorama.shape[1]
+    row = _find(row_cdf, u0)
+    span = row_cdf[row + 1] - row_cdf[row]
+    a = (u0 - row_cdf[row]) / span if span > 0.0 else 0.5
+    columns = col_cdf[row]
+    col = _find(columns, u1)
+    span = columns[col + 1] - columns[col]
+    b = (u1 - columns[col]) / span if span > 0.0 else 0.5
+    # Uniform in cos(theta) between the texel's edges is uniform over its solid angle.
+    top, bottom = math.cos(math.pi * row / height), math.cos(math.pi * (row + 1) / height)
+    z = top + (bottom - top) * a
+    s = math.sqrt(max(0.0, 1.0 - z * z))
+    phi = ((col + b) / width - 0.5) * 2.0 * math.pi
+    return s * math.cos(phi), s * math.sin(phi), z, _texel_density(row_cdf, col_cdf, row, col, height, width)
+
+
+@njit(cache=True)
+def sample_sun(suns, i, u0, u1):
+    """Return (direction, radiance over pdf) of a point on a sun's disc; a delta sun always gives its centre.
+
+    The disc's radiance is irradiance / solid angle (its cosine differs from 1 by 1e-5 for the sun) and its density
+    1 / solid angle, so their quotient is the irradiance.
+    """
+    dx, dy, dz = suns[i, SUN_DIRECTION], suns[i, SUN_DIRECTION + 1], suns[i, SUN_DIRECTION + 2]
+    cos_max = suns[i, SUN_COS]
+    if cos_max < 1.0:
+        z = 1.0 - u0 * (1.0 - cos_max)
+        s = math.sqrt(max(0.0, 1.0 - z * z))
+        phi = 2.0 * math.pi * u1
+        t, b = basis((dx, dy, dz))
+        x, y = s * math.cos(phi), s * math.sin(phi)
+        dx, dy, dz = x * t[0] + y * b[0] + z * dx, x * t[1] + y * b[1] + z * dy, x * t[2] + y * b[2] + z * dz
+    return dx, dy, dz, suns[i, SUN_IRRADIANCE], suns[i, SUN_IRRADIANCE + 1], suns[i, SUN_IRRADIANCE + 2]
+
+
+@njit(cache=True)
+def sun_pdf(suns, i, dx, dy, dz):
+    """Return the density [1/sr] of a direction under `sample_sun`: 0 outside the disc and for delta suns."""
+    if suns[i, SUN_COS] >= 1.0:
+        return 0.0
+    c = dx * suns[i, SUN_DIRECTION] + dy * suns[i, SUN_DIRECTION + 1] + dz * suns[i, SUN_DIRECTION + 2]
+    return 1.0 / suns[i, SUN_SOLID_ANGLE] if c >= suns[i, SUN_COS] else 0.0

@@ -1,0 +1,280 @@
+"""The path tracer: next-event estimation and multiple importance sampling over any number of bounces.
+
+Everything is estimated at once by paths from the camera: J. T. Kajiya, "The Rendering Equation", 1986; combination of
+strategies by the power heuristic: E. Veach, thesis, 1997, section 9.2.
+"""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from materials.kernels import bsdf
+from materials.kernels.frames import basis, dot, to_local, to_world
+
+from .arrays import EMISSION, POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_IRRADIANCE
+from .lights import environment_pdf, environment_radiance, sample_environment, sample_sun, sun_pdf
+from .rays import intersect, occluded, ray_buffer
+from .sampler import draw1, draw2, hash2
+from .shading import (
+    Hit,
+    cross,
+    emits,
+    film_coverage,
+    film_normal,
+    hit_at,
+    hit_tangent,
+    is_cut_out,
+    is_two_faced,
+    leave,
+    power_heuristic,
+    surface_at,
+    without_diffuse,
+)
+
+FAR = 1e30
+TILE = 16
+# Dimensions of the sampler: 0 is the pixel, then a block per bounce.
+_PER_BOUNCE = 16
+_CHOICE, _DIRECTION, _LOBE, _ROULETTE, _SKY, _SUN = 1, 2, 3, 4, 5, 6
+
+
+@njit(cache=True)
+def first_hit(world, buffer, s, o, d):
+    """Return (face, b1, b2, distance) of the nearest surface, passing through cut-outs; face -1 is none."""
+    travelled = 0.0
+    for _ in range(256):
+        face, t, b1, b2 = intersect(
+            world.static_scene, world.dynamic_scene, world.num_static_faces, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], FAR
+        )
+        if face < 0:
+            return -1, 0.0, 0.0, 0.0
+        travelled += t
+        if not (world.has_cutouts and is_cut_out(world, face, b1, b2)):
+            return face, b1, b2, travelled
+        hit = hit_at(world, face, b1, b2)
+        o = leave(hit.p, hit.ng, d)
+    return -1, 0.0, 0.0, 0.0
+
+
+@njit(cache=True)
+def is_visible(world, buffer, s, o, d, far):
+    """Return whether nothing opaque lies on a ray before distance `far`."""
+    if not world.has_cutouts:
+        return not occluded(world.static_scene, world.dynamic_scene, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], far)
+    face, _, _, t = first_hit(world, buffer, s, o, d)
+    return face < 0 or t >= far
+
+
+@njit(cache=True)
+def beyond(lights, d, pdf, is_delta):
+    """Return the radiance of sky and sun discs along a ray that left the world.
+
+    `pdf` is the density with which the last surface chose the ray; what next-event estimation could have found too is
+    weighted against it.
+    """
+    r, g, b = environment_radiance(lights.panorama, d[0], d[1], d[2])
+    if lights.panorama.shape[0] > 0 and not is_delta:
+        w = power_heuristic(pdf, environment_pdf(lights.panorama, lights.row_cdf, lights.col_cdf, d[0], d[1], d[2]))
+        r, g, b = r * w, g * w, b * w
+    for i in range(lights.suns.shape[0]):
+        density = sun_pdf(lights.suns, i, d[0], d[1], d[2])
+        if density > 0.0:
+            # density is 1 / solid angle, so irradiance * density is the radiance of the disc.
+            w = density if is_delta else density * power_heuristic(pdf, density)
+            r += lights.suns[i, SUN_IRRADIANCE] * w
+            g += lights.suns[i, SUN_IRRADIANCE + 1] * w
+            b += lights.suns[i, SUN_IRRADIANCE + 2] * w
+    return r, g, b
+
+
+@njit(cache=True)
+def _facing(ng, two_faced, w):
+    """Return whether w leaves a reflecting surface on the side of its geometric normal; glass lets it pass anywhere."""
+    return two_faced or dot(ng, w) > 0.0
+
+
+@njit(cache=True)
+def direct(world, lights, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
+    """Return the light that reaches a surface straight from the lights and leaves it along wo."""
+    t, b, n = frame
+    r = g = bl = 0.0
+    if lights.panorama.shape[0] > 0:
+        u0, u1 = draw2(stream, index, dimension + _SKY)
+        dx, dy, dz, density = sample_environment(lights.panorama, lights.row_cdf, lights.col_cdf, u0, u1)
+        d = (dx, dy, dz)
+        wi = to_local(d, t, b, n)
+        if density > 0.0 and _facing(hit.ng, two_faced, d):
+            f = bsdf.evaluate(surface, wo, wi)
+            if f[0] + f[1] + f[2] > 0.0 and is_visible(world, buffer, s, leave(hit.p, hit.ng, d), d, FAR):
+                e = environment_radiance(lights.panorama, dx, dy, dz)
+                w = abs(wi[2]) / density * power_heuristic(density, bsdf.pdf(surface, wo, wi))
+                r += f[0] * e[0] * w
+                g += f[1] * e[1] * w
+                bl += f[2] * e[2] * w
+    for i in range(lights.suns.shape[0]):
+        u0, u1 = draw2(stream, index, dimension + _SUN + i)
+        dx, dy, dz, er, eg, eb = sample_sun(lights.suns, i, u0, u1)
+        d = (dx, dy, dz)
+        wi = to_local(d, t, b, n)
+        if _facing(hit.ng, two_faced, d):
+            f = bsdf.evaluate(surface, wo, wi)
+            if f[0] + f[1] + f[2] > 0.0 and is_visible(world, buffer, s, leave(hit.p, hit.ng, d), d, FAR):
+                w = abs(wi[2])
+                if lights.suns[i, SUN_COS] < 1.0:
+                    w *= power_heuristic(sun_pdf(lights.suns, i, dx, dy, dz), bsdf.pdf(surface, wo, wi))
+                r += f[0] * er * w
+                g += f[1] * eg * w
+                bl += f[2] * eb * w
+    for i in range(lights.points.shape[0]):
+        row = lights.points[i]
+        x, y, z = row[POINT_POSITION] - hit.p[0], row[POINT_POSITION + 1] - hit.p[1], row[POINT_POSITION + 2] - hit.p[2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        if distance <= 0.0:
+            continue
+        d = (x / distance, y / distance, z / distance)
+        wi = to_local(d, t, b, n)
+        if _facing(hit.ng, two_faced, d):
+            f = bsdf.evaluate(surface, wo, wi)
+            if f[0] + f[1] + f[2] > 0.0 and is_visible(world, buffer, s, leave(hit.p, hit.ng, d), d, distance * (1.0 - 1e-5)):
+                w = abs(wi[2]) / (distance * distance)
+                r += f[0] * row[POINT_INTENSITY] * w
+                g += f[1] * row[POINT_INTENSITY + 1] * w
+                bl += f[2] * row[POINT_INTENSITY + 2] * w
+    return r, g, bl
+
+
+@njit(cache=True)
+def _flip(v):
+    return (-v[0], -v[1], -v[2])
+
+
+@njit(cache=True)
+def scattering_frame(world, hit, normal, wo_world, anisotropic):
+    """Return (t, b, n) with n on the viewer's side; where the shading normal turns away, the geometric one serves."""
+    n = normal
+    if dot(n, wo_world) <= 1e-4:
+        n = hit.ng
+    if anisotropic:
+        t = hit_tangent(world, hit, n)
+        return t, cross(n, t), n
+    t, b = basis(n)
+    return t, b, n
+
+
+@njit(cache=True)
+def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp):
+    """Return an estimate (r, g, b) of the radiance that arrives at `origin` from `direction`.
+
+    With `specular_only` the first surface scatters by its specular lobes alone; as radiance is linear in the lobes,
+    the difference to the whole is its diffuse part. What reaches the first surface by way of another is cut off at
+    `clamp` (infinity: unbiased): rare paths that find the sun in a mirror otherwise show as isolated bright pixels.
+    """
+    lr = lg = lb = 0.0
+    br = bg = bb = 1.0
+    o, d = origin, direction
+    pdf = 0.0
+    is_delta = True
+    for bounce in range(max_bounces + 1):
+        dimension = 1 + bounce * _PER_BOUNCE
+        face, b1, b2, _ = first_hit(world, buffer, s, o, d)
+        if face < 0:
+            e = beyond(lights, d, pdf, is_delta)
+            limit = clamp if bounce > 1 else math.inf
+            return lr + min(br * e[0], limit), lg + min(bg * e[1], limit), lb + min(bb * e[2], limit)
+        hit = hit_at(world, face, b1, b2)
+        wo_world = _flip(d)
+        kind = world.material_kind[hit.material]
+        two_faced = is_two_faced(kind)
+        if emits(kind):
+            row = world.material_values[hit.material]
+            limit = clamp if bounce > 1 else math.inf
+            er, eg, eb = row[EMISSION], row[EMISSION + 1], row[EMISSION + 2]
+            return lr + min(br * er, limit), lg + min(bg * eg, limit), lb + min(bb * eb, limit)
+        if bounce == max_bounces:
+            return lr, lg, lb
+        if not two_faced and dot(hit.ng, wo_world) < 0.0:
+            hit = Hit(hit.face, hit.material, hit.u, hit.v, hit.p, _flip(hit.ng), _flip(hit.ns))
+        coverage = film_coverage(world, hit)
+        below_film = coverage > 0.0 and draw1(stream, index, dimension + _CHOICE) < coverage
+        surface = surface_at(world, hit, below_film)
+        if bounce == 0 and specular_only:
+            surface = without_diffuse(surface)
+        if two_faced:
+            t, b = basis(hit.ns)
+            frame = (t, b, hit.ns)
+        else:
+            normal = film_normal(world, hit) if below_film else hit.ns
+            frame = scattering_frame(world, hit, normal, wo_world, surface.alpha_u != surface.alpha_v)
+        t, b, n = frame
+        wo = to_local(wo_world, t, b, n)
+        if not bsdf.is_specular(surface):
+            e = direct(world, lights, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced)
+            limit = clamp if bounce > 0 else math.inf
+            lr += min(br * e[0], limit)
+            lg += min(bg * e[1], limit)
+            lb += min(bb * e[2], limit)
+        u0, u1 = draw2(stream, index, dimension + _DIRECTION)
+        wi, weight, pdf, is_delta = bsdf.sample(surface, wo, u0, u1, draw1(stream, index, dimension + _LOBE))
+        br *= weight[0]
+        bg *= weight[1]
+        bb *= weight[2]
+        d = to_world(wi, t, b, n)
+        if br + bg + bb <= 0.0 or not _facing(hit.ng, two_faced, d):
+            return lr, lg, lb
+        o = leave(hit.p, hit.ng, d)
+        if bounce + 1 >= roulette_from:
+            survival = min(0.95, max(br, max(bg, bb)))
+            if draw1(stream, index, dimension + _ROULETTE) >= survival:
+                return lr, lg, lb
+            br /= survival
+            bg /= survival
+            bb /= survival
+    return lr, lg, lb
+
+
+@njit(cache=True)
+def camera_ray(camera, x, y):
+    """Return origin and unit direction of the ray through pixel position (x, y)."""
+    c, sx, sy = camera.corner, camera.step_x, camera.step_y
+    v = (c[0] + x * sx[0] + y * sy[0], c[1] + x * sx[1] + y * sy[1], c[2] + x * sx[2] + y * sy[2])
+    if camera.orthographic:
+        return v, (camera.forward[0], camera.forward[1], camera.forward[2])
+    length = math.sqrt(dot(v, v))
+    return (camera.origin[0], camera.origin[1], camera.origin[2]), (v[0] / length, v[1] / length, v[2] / length)
+
+
+@njit(cache=True, parallel=True)
+def render(
+    world, lights, camera, first_row, last_row, first, count, seed, max_bounces, roulette_from, specular_only, clamp, total, square
+):
+    """Add `count` samples, numbered from `first`, to the sums of radiance and of its square over some rows of pixels.
+
+    Each pixel is summed by one thread in the order of its samples: the number of threads cannot change a bit.
+    """
+    width = camera.width
+    tiles_x = (width + TILE - 1) // TILE
+    tiles_y = (last_row - first_row + TILE - 1) // TILE
+    for tile in prange(tiles_x * tiles_y):
+        buffer, s = ray_buffer()
+        x0, y0 = (tile % tiles_x) * TILE, first_row + (tile // tiles_x) * TILE
+        for row in range(y0, min(y0 + TILE, last_row)):
+            for col in range(x0, min(x0 + TILE, width)):
+                stream = hash2(np.uint32(row * width + col), np.uint32(seed))
+                for i in range(first, first + count):
+                    jx, jy = draw2(stream, i, 0)
+                    o, d = camera_ray(camera, col + jx, row + jy)
+                    e = radiance(world, lights, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp)
+                    for c in range(3):
+                        total[row, col, c] += e[c]
+                        square[row, col, c] += e[c] * e[c]
+
+
+@njit(cache=True, parallel=True)
+def primary(world, camera, face, b1, b2, distance):
+    """Fill (H, W) arrays with what each pixel's centre sees: face (-1: nothing), barycentric coordinates, distance [m]."""
+    for row in prange(camera.height):
+        buffer, s = ray_buffer()
+        for col in range(camera.width):
+            o, d = camera_ray(camera, col + 0.5, row + 0.5)
+            face[row, col], b1[row, col], b2[row, col], distance[row, col] = first_hit(world, buffer, s, o, d)

@@ -1,0 +1,207 @@
+"""Photograph a world: radiance by path tracing, and what each pixel sees (the G-buffer)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.checks import check_range
+from materials.foundation.progress import tracked
+from scene.camera import Camera
+from scene.transforms import transform_points
+
+from .kernels import path
+from .world import World, compile_camera
+
+_ROWS_PER_STEP = 64
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """A rendered image.
+
+    Attributes
+    ----------
+    radiance : (H, W, 3) float32
+        Mean over each pixel's square [W/(m² sr)].
+    variance : (H, W, 3) float32
+        Estimated variance of that mean, from the spread of the samples. Scrambled Sobol samples do better than
+        independent ones, so it is an upper estimate.
+    samples : int
+        Per pixel.
+    """
+
+    radiance: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    samples: int
+
+
+def render(
+    world: World,
+    camera: Camera,
+    samples: int = 64,
+    seed: int = 0,
+    max_bounces: int = 8,
+    specular_only: bool = False,
+    clamp: float = np.inf,
+    label: str = "rendering",
+) -> Rendering:
+    """Trace paths through every pixel.
+
+    Parameters
+    ----------
+    samples : int
+        Paths per pixel.
+    seed : int
+        The same seed gives the same bits, whatever the number of threads.
+    max_bounces : int
+        Scattering events per path; 1 is direct light only.
+    specular_only : bool
+        Let the surface that the camera sees scatter by its specular lobes alone.
+    clamp : float
+        Largest contribution of one indirect path; infinity is unbiased, a finite value trades the rare bright pixels
+        of sunlight in mirrors for a small loss of indirect light.
+
+    Raises
+    ------
+    InputError
+        If the camera's lens distorts or a number is out of range.
+    """
+    check_range("samples", samples, "[1, 1048576]")
+    check_range("max_bounces", max_bounces, "[0, 1024]")
+    view = compile_camera(camera)
+    total = np.zeros((camera.height, camera.width, 3))
+    square = np.zeros_like(total)
+    for first_row in tracked(range(0, camera.height, _ROWS_PER_STEP), label):
+        last_row = min(first_row + _ROWS_PER_STEP, camera.height)
+        args = (
+            world.arrays,
+            world.lights,
+            view,
+            first_row,
+            last_row,
+            0,
+            samples,
+            seed & 0xFFFFFFFF,
+            max_bounces,
+            4,
+            specular_only,
+            clamp,
+        )
+        path.render(*args, total, square)
+    mean = total / samples
+    variance = np.maximum(square / samples - mean * mean, 0) / max(samples - 1, 1)
+    return Rendering(mean.astype(np.float32), variance.astype(np.float32), samples)
+
+
+@dataclass(frozen=True)
+class GBuffer:
+    """What each pixel's centre sees.
+
+    Attributes
+    ----------
+    face : (H, W) int64
+        Index of the triangle, -1 where the ray meets nothing.
+    barycentric : (H, W, 2) float64
+        Weights of its second and third vertex.
+    distance, depth : (H, W) float32
+        Along the ray, and along the camera's z [m]; inf where nothing is met.
+    position : (H, W, 3) float64
+        In the world [m]; NaN where nothing is met.
+    normal : (H, W, 3) float32
+        Interpolated shading normal, turned to the viewer; 0 where nothing is met.
+    uv : (H, W, 2) float32
+        Texture coordinates.
+    shape, instance : (H, W) int32
+        Index of the shape (-1: nothing), and its instance id (0: static or nothing).
+    """
+
+    face: NDArray[np.int64]
+    barycentric: NDArray[np.float64]
+    distance: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    position: NDArray[np.float64]
+    normal: NDArray[np.float32]
+    uv: NDArray[np.float32]
+    shape: NDArray[np.int32]
+    instance: NDArray[np.int32]
+
+
+def gbuffer(world: World, camera: Camera) -> GBuffer:
+    """Return what each pixel's centre sees.
+
+    Raises
+    ------
+    InputError
+        If the camera's lens distorts.
+    """
+    view, w = compile_camera(camera), world.arrays
+    size = (camera.height, camera.width)
+    face, b1, b2, distance = np.zeros(size, np.int64), np.zeros(size), np.zeros(size), np.zeros(size)
+    path.primary(w, view, face, b1, b2, distance)
+    seen = face >= 0
+    corners = w.faces[np.where(seen, face, 0)]
+    weights = np.stack([1 - b1 - b2, b1, b2], axis=-1)
+
+    def interpolated(attribute: NDArray) -> NDArray[np.float64]:
+        return np.einsum("hwk,hwkc->hwc", weights, attribute[corners].astype(np.float64))
+
+    position = np.where(seen[..., None], interpolated(w.vertices), np.nan)
+    normal = interpolated(w.normals)
+    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
+    with np.errstate(invalid="ignore"):
+        away = np.einsum("hwc,hwc->hw", normal, position - camera.position) > 0
+    normal = np.where(away[..., None], -normal, normal) * seen[..., None]
+    depth = transform_points(camera.T_camera_world, position.reshape(-1, 3))[:, 2].reshape(size)
+    shape = np.where(seen, w.face_shape[np.where(seen, face, 0)], -1).astype(np.int32)
+    instances = np.array([s.instance for s in world.shapes], np.int32)
+    return GBuffer(
+        face,
+        np.stack([b1, b2], axis=-1),
+        np.where(seen, distance, np.inf).astype(np.float32),
+        np.where(seen, depth, np.inf).astype(np.float32),
+        position,
+        normal.astype(np.float32),
+        (interpolated(w.uv) * seen[..., None]).astype(np.float32),
+        shape,
+        np.where(seen, instances[shape], 0).astype(np.int32),
+    )
+
+
+def flow_between(
+    buffer: GBuffer, camera: Camera, next_camera: Camera, motions: dict[int, NDArray[np.float64]]
+) -> NDArray[np.float32]:
+    """Return the true optical flow of what each pixel's centre sees, from one frame to the next.
+
+    Parameters
+    ----------
+    motions : dict
+        Rigid motion `T_next_now` in the world of each instance id that moves; others stand still.
+
+    Returns
+    -------
+    flow : (H, W, 2) float32
+        x right, y down [px]; NaN where the point comes to lie behind the camera. Where a ray meets nothing, what is
+        infinitely far away moves by the camera's rotation.
+    """
+    size = buffer.face.shape
+    xy = camera.pixel_centres()
+    points = buffer.position.reshape(-1, 3).copy()
+    for instance, T_next_now in motions.items():
+        moved = buffer.instance.ravel() == instance
+        points[moved] = transform_points(T_next_now, points[moved])
+    flow, _ = next_camera.project(points)
+    nothing = buffer.face.ravel() < 0
+    if nothing.any():
+        _, directions = camera.rays(xy[nothing])
+        far = next_camera.moved_to(_rotation_only(next_camera.T_world_camera))
+        flow[nothing], _ = far.project(directions)
+    return (flow - xy).reshape(*size, 2).astype(np.float32)
+
+
+def _rotation_only(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    out = T.copy()
+    out[:3, 3] = 0
+    return out
