@@ -212,9 +212,9 @@ def albedo(surface, cos_o):
     """Return roughly how much of the light towards wo is reflected or passed on, per channel; exact for smooth clear kinds."""
     kind = surface.kind
     cos_o = abs(cos_o)
-    if kind == LAMBERT or kind == MIRROR:
+    if kind in (LAMBERT, MIRROR):
         return (surface.albedo_r, surface.albedo_g, surface.albedo_b)
-    if kind == DIELECTRIC or kind == ROUGH_DIELECTRIC:
+    if kind in (DIELECTRIC, ROUGH_DIELECTRIC):
         return (1.0, 1.0, 1.0)
     if kind == GGX:
         # microfacets seen at grazing are tilted towards the viewer: the rougher, the less Fresnel rises
