@@ -89,7 +89,7 @@ class Recording:
     Attributes
     ----------
     frames : tuple of Frame
-        In order of time.
+        In order of time; empty for a bare point cloud.
     points : Path or None
         A static cloud of the whole recording, in world coordinates.
     root : Path
@@ -178,7 +178,7 @@ def read_recording(path: str | Path) -> Recording:
     ------
     InputError
         If the file is no JSON, a key is unknown, missing or of the wrong kind, a pose is not rigid, a path leaves the
-        folder or does not exist, or there are no frames.
+        folder or does not exist, or there are neither frames nor points.
     """
     path = Path(path)
     path = path / "recording.json" if path.is_dir() else path
@@ -189,8 +189,8 @@ def read_recording(path: str | Path) -> Recording:
     except msgspec.DecodeError as error:
         raise _worded(error, path) from error
     try:
-        if not data.frames:
-            raise InputError("hold at least one frame", got="none", key="frames")
+        if not data.frames and data.points is None:
+            raise InputError("hold at least one frame, or the recording a cloud in `points`", got="none", key="frames")
         unit = _METRES[data.length_unit]
         root = path.parent
         frames = tuple(_frame(f, f"frames[{i}]", root, unit) for i, f in enumerate(data.frames))
