@@ -7,7 +7,7 @@ say() { printf 'setup: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 2; }
 
 # Shared libraries that the wheels expect from the system, and the Debian package of each.
-libraries="libGL.so.1:libgl1 libGLX.so.0:libgl1 libEGL.so.1:libegl1 libusb-1.0.so.0:libusb-1.0-0 libgomp.so.1:libgomp1 libX11.so.6:libx11-6"
+libraries="libGL.so.1:libgl1 libGLX.so.0:libgl1 libOpenGL.so.0:libopengl0 libEGL.so.1:libegl1 libusb-1.0.so.0:libusb-1.0-0 libgomp.so.1:libgomp1 libX11.so.6:libx11-6"
 
 as_root() {
     if [ "$(id -u)" = 0 ]; then "$@"

@@ -47,7 +47,15 @@ class InputError(ValueError):
             remedy=self.remedy,
         )
 
+    def __reduce__(self) -> tuple[object, ...]:
+        # An exception is pickled by its message, which is not what the constructor takes; worker processes need this.
+        return _rebuild, (self.must, self.got, self.file, self.key, self.remedy)
+
+
+def _rebuild(must: str, got: object, file: str | Path | None, key: str | None, remedy: str) -> InputError:
+    return InputError(must, got=got, file=file, key=key, remedy=remedy)
+
 
 def _shorten(value: object, limit: int = 120) -> str:
-    text = " ".join(str(value).split())
+    text = " ".join(str(value).split()) or repr(value)
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
@@ -32,9 +33,7 @@ def tracked(items: Iterable[Item], label: str, total: int | None = None) -> Iter
 
 @contextmanager
 def stage(label: str) -> Iterator[None]:
-    """Log the start of a long step and how long it took."""
-    import time
-
+    """Log the start of a long step, and how long it took if it succeeds."""
     start = time.perf_counter()
     logger.info("%s …", label)
     yield
