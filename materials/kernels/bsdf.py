@@ -11,9 +11,10 @@ from numba import njit
 
 from . import coated, ggx
 from . import dielectric as glass
-from .fresnel import dielectric, diffuse_internal_absorbed, normal_reflectance, schlick
+from .fresnel import dielectric, normal_reflectance, schlick
 from .lambert import INV_PI, pdf_cosine, sample_cosine
 from .microfacet import ALPHA_MIN
+from .rough_film import internal_reflectance, reflectance
 
 LAMBERT, GGX, COATED, MIRROR, DIELECTRIC, ROUGH_DIELECTRIC, EMISSION = 0, 1, 2, 3, 4, 5, 6
 
@@ -66,7 +67,7 @@ def _ggx_share(surface, cos_o):
 def _coated_shares(surface, cos_o):
     """Return the probabilities of the interface and of the diffuse base of `COATED`; the rest is the base's lobe."""
     mean = (surface.albedo_r + surface.albedo_g + surface.albedo_b) / 3.0
-    f, diffuse, lobe = coated.lobe_weights(cos_o, mean, surface.specular_scale, surface.eta, surface.film_eta)
+    f, diffuse, lobe = coated.lobe_weights(cos_o, mean, surface.specular_scale, surface.eta, surface.film_eta, surface.film_alpha)
     total = f + diffuse + lobe
     return (f / total, diffuse / total) if total > 0.0 else (0.0, 1.0)
 
@@ -98,11 +99,12 @@ def evaluate(surface, wo, wi):
 def _evaluate_coated(surface, wo, wi):
     eta = surface.film_eta
     wo_in, wi_in = coated.inside(wo, eta), coated.inside(wi, eta)
-    through = (1.0 - dielectric(wo[2], eta)) * (1.0 - dielectric(wi[2], eta))
+    rough = surface.film_alpha
+    through = (1.0 - reflectance(wo[2], eta, rough)) * (1.0 - reflectance(wi[2], eta, rough))
     path = 1.0 / wo_in[2] + 1.0 / wi_in[2]
-    r = coated.diffuse_channel(surface.albedo_r, eta, surface.tau_r, path)
-    g = coated.diffuse_channel(surface.albedo_g, eta, surface.tau_g, path)
-    b = coated.diffuse_channel(surface.albedo_b, eta, surface.tau_b, path)
+    r = coated.diffuse_channel(surface.albedo_r, eta, rough, surface.tau_r, path)
+    g = coated.diffuse_channel(surface.albedo_g, eta, rough, surface.tau_g, path)
+    b = coated.diffuse_channel(surface.albedo_b, eta, rough, surface.tau_b, path)
     if surface.specular_scale > 0.0:
         alpha_u, alpha_v = _widths(surface)
         lobe = coated.base_lobe(wo_in, wi_in, surface.eta, eta, alpha_u, alpha_v) * surface.specular_scale / (eta * eta)
@@ -201,9 +203,9 @@ def sample(surface, wo, u0, u1, u2):
 @njit(cache=True, error_model="numpy")
 def _coated_albedo(surface, albedo, tau, reflected, lobe):
     """Return the share of one channel that leaves a film, the way in taken at the mean slant of diffuse light."""
-    inner = diffuse_internal_absorbed(surface.film_eta, tau)
+    inner = internal_reflectance(surface.film_eta, surface.film_alpha, tau)
     # the way out: what is not sent back of diffuse light, with the same absorption as in Fdi, once instead of twice
-    out = (1.0 - diffuse_internal_absorbed(surface.film_eta, 0.0)) * math.exp(-2.0 * tau)
+    out = (1.0 - internal_reflectance(surface.film_eta, surface.film_alpha, 0.0)) * math.exp(-2.0 * tau)
     return reflected + (1.0 - reflected) * (albedo * out / (1.0 - albedo * inner) + lobe * math.exp(-2.0 * tau))
 
 
@@ -223,7 +225,7 @@ def albedo(surface, cos_o):
         return (surface.albedo_r + lobe, surface.albedo_g + lobe, surface.albedo_b + lobe)
     if kind == COATED:
         eta = surface.film_eta
-        f, _, lobe = coated.lobe_weights(cos_o, 0.0, surface.specular_scale, surface.eta, eta)
+        f, _, lobe = coated.lobe_weights(cos_o, 0.0, surface.specular_scale, surface.eta, eta, surface.film_alpha)
         return (
             _coated_albedo(surface, surface.albedo_r, surface.tau_r, f, lobe),
             _coated_albedo(surface, surface.albedo_g, surface.tau_g, f, lobe),

@@ -3,18 +3,20 @@
 Radiance through the interface from wi to wo carries T(cos_i) T(cos_o) / film_eta^2, T = 1 - F, and exp(-tau / cos) on
 each crossing, cos inside. Over a Lambertian base the light that the interface sends back inside is a geometric series,
 summed in closed form: a / pi / (1 - a Fdi(tau)). Over a base with a specular lobe the lobe is seen once through the
-interface; light of the lobe that the interface sends back inside is neglected (it is lost).
+interface; light of the lobe that the interface sends back inside is neglected (it is lost). A rough interface
+(film_alpha > 0) adds its own lobe and lets through what `rough_film` says; light inside is bent as by a smooth one.
 """
 
 import math
 
 from numba import njit
 
-from .fresnel import dielectric, diffuse_internal_absorbed, normal_reflectance, schlick
+from .fresnel import normal_reflectance, schlick
 from .ggx import evaluate_schlick
 from .ggx import pdf as ggx_pdf
 from .ggx import sample as ggx_sample
 from .lambert import INV_PI
+from .rough_film import internal_reflectance, reflectance
 
 
 @njit(cache=True, error_model="numpy")
@@ -25,11 +27,11 @@ def inside(w, film_eta):
 
 
 @njit(cache=True, error_model="numpy")
-def diffuse_channel(albedo, film_eta, tau, path):
+def diffuse_channel(albedo, film_eta, film_alpha, tau, path):
     """Return the diffuse BRDF of one channel but for T T: path is 1 / cos_i + 1 / cos_o inside the film."""
     if albedo <= 0.0:
         return 0.0
-    series = 1.0 - albedo * diffuse_internal_absorbed(film_eta, tau)
+    series = 1.0 - albedo * internal_reflectance(film_eta, film_alpha, tau)
     return albedo * INV_PI * math.exp(-tau * path) / (film_eta * film_eta * series)
 
 
@@ -57,9 +59,9 @@ def base_sample(wo_in, film_eta, alpha_u, alpha_v, u0, u1):
 
 
 @njit(cache=True, error_model="numpy")
-def lobe_weights(cos_o, mean_albedo, specular_scale, eta, film_eta):
+def lobe_weights(cos_o, mean_albedo, specular_scale, eta, film_eta, film_alpha):
     """Return about how much light the interface, the diffuse base and the base's lobe send towards cos_o."""
-    f = dielectric(cos_o, film_eta)
+    f = reflectance(cos_o, film_eta, film_alpha)
     through = (1.0 - f) * (1.0 - f)
     lobe = 0.0
     if specular_scale > 0.0:
