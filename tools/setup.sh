@@ -6,8 +6,10 @@ cd "$(dirname "$0")/.."
 say() { printf 'setup: %s\n' "$*" >&2; }
 fail() { say "$*"; exit 2; }
 
-# Shared libraries that the wheels expect from the system, and the Debian package of each.
-libraries="libGL.so.1:libgl1 libGLX.so.0:libgl1 libOpenGL.so.0:libopengl0 libEGL.so.1:libegl1 libusb-1.0.so.0:libusb-1.0-0 libgomp.so.1:libgomp1 libX11.so.6:libx11-6"
+# Shared libraries that the wheels expect from the system, each with its Debian package.
+libraries="libGL.so.1:libgl1 libGLX.so.0:libgl1 libOpenGL.so.0:libopengl0 libEGL.so.1:libegl1 libX11.so.6:libx11-6
+    libusb-1.0.so.0:libusb-1.0-0 libgomp.so.1:libgomp1 libidn2.so.0:libidn2-0 libcom_err.so.2:libcom-err2
+    libp11-kit.so.0:libp11-kit0 libgpg-error.so.0:libgpg-error0 libfontconfig.so.1:libfontconfig1 libfreetype.so.6:libfreetype6"
 
 as_root() {
     if [ "$(id -u)" = 0 ]; then "$@"
@@ -29,10 +31,15 @@ find_python() {
 
 # The packages that are missing, one a line.
 missing_packages() {
-    local pair
-    for pair in $libraries; do
-        "$python" -c 'import ctypes, sys; ctypes.CDLL(sys.argv[1])' "${pair%%:*}" 2>/dev/null || echo "${pair##*:}"
-    done
+    "$python" - $libraries <<'END'
+import ctypes, sys
+for pair in sys.argv[1:]:
+    library, package = pair.split(":")
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        print(package)
+END
     # Debian takes ensurepip out of its Python and puts it into a package of its own.
     "$python" -c 'import ensurepip, venv' 2>/dev/null || "$python" -c 'import sys; print("python%d.%d-venv" % sys.version_info[:2])'
 }
