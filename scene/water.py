@@ -1,0 +1,186 @@
+"""Where the water is: the water level W of thesis 6.3.3 (eqs 6.1-6.5) on the ground's grid.
+
+W = 0.5 is ground saturated with water, W = 1 ground covered by it; `w` is the global wetness. The thesis's equations leave
+[0, 1] once heights differ by centimetres (F = 1 + 100 * 0.06 = 7); `model="bounded"`, the default, keeps each factor within
+its meaning. `model="thesis"` computes them as printed.
+
+| | thesis | bounded |
+|---|---|---|
+| F, eq 6.2 | 1 + k d | max(0, 1 + k d) |
+| S, A, eqs 6.3, 6.4 | as printed | clamped to [0, 1] |
+| W, eq 6.5 | w M lerp(S, A, w / 2) | M clamp(w lerp(S, A, w / 2)), so that M = 0.5 never exceeds saturation |
+| hillsides | nothing | A fades out as the slope at the scale of metres passes from 5 % to 12 % |
+
+Monotone in w: with F = 1 (flat ground) W rises with w at every place, since W / M is affine in S0 and A0 and its derivative
+is positive for all four corners of [0, 1]^2. On relief it need not: a place on a crest 10 cm wide is level ground at the
+scale of w = 0.1 and a crest at w = 1. The mean over a street rises.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.checks import check_range, check_shape
+from materials.foundation.errors import InputError
+from materials.foundation.settings import setting
+
+from .grid import GroundGrid
+from .map_filters import fit_local_plane
+
+Maps = Mapping[str, NDArray[np.float32]]
+MODELS = ("bounded", "thesis")
+
+
+@dataclass(frozen=True)
+class WaterSettings:
+    """Constants of eqs 6.2-6.5; the defaults are the thesis's, but for the slope, which it does not consider."""
+
+    model: str = setting(
+        "bounded", "bounded keeps all factors within [0, 1]; thesis computes the printed equations", choices=MODELS
+    )
+    k_acc: float = setting(100.0, "weight of height differences in accumulation [1/m] (eq 6.4)")
+    k_sat: float = setting(2.0, "weight of height differences in saturation [1/m] (eq 6.3)")
+    sigma_per_wetness: float = setting(0.5, "sigma of the height filter at w = 1 [m] (eq 6.2: w / 2)")
+    moisture_blend: float = setting(0.75, "how far w = 1 blends the moisture pattern with 0.5 (eq 6.3)")
+    puddle_blend: float = setting(0.5, "how far w = 1 blends the puddle pattern with 0.5 (eq 6.4)")
+    accumulation_share: float = setting(0.5, "share of accumulation in the water level at w = 1 (eq 6.5)")
+    slope_scale: float = setting(2.0, "scale over which the slope of a hillside is measured, sigma [m]; above a gutter's width")
+    slope_start: float = setting(0.05, "slope from which on puddles shrink, rise over run")
+    slope_end: float = setting(0.12, "slope from which on no puddle stays, rise over run")
+    texture_depth: float = setting(0.001, "mean depth of the ground's own texture that a full film drowns [m]")
+
+
+def relief(maps: Maps, grid: GroundGrid, sigma: float) -> NDArray[np.float32]:
+    """Return how far each cell lies below its surroundings, `G(sigma) * H - H` [m] (rows, cols): positive in a gutter.
+
+    A plane slope gives 0, also at the edge of what was measured; so does ground never measured, and sigma = 0.
+    """
+    height, coverage = maps["height"], maps["coverage"]
+    check_shape("maps['height']", height, grid.shape)
+    if sigma <= 0:
+        return np.zeros(grid.shape, np.float32)
+    level = fit_local_plane(height, coverage, sigma, grid.cell).level
+    return np.where(np.isfinite(level) & (coverage > 0), level - height, 0).astype(np.float32)
+
+
+def height_factor(
+    maps: Maps, grid: GroundGrid, w: float, k: float, settings: WaterSettings = WaterSettings()
+) -> NDArray[np.float32]:
+    """Return F of eq 6.2: above 1 where water gathers, below where it leaves.
+
+    Parameters
+    ----------
+    maps : mapping
+        `height` [m] and `coverage` (rows, cols).
+    grid : GroundGrid
+        Where their cells lie.
+    w : float
+        Global wetness, in [0, 1].
+    k : float
+        Weight of height differences [1/m].
+    settings : WaterSettings
+        `model` and `sigma_per_wetness`.
+
+    Raises
+    ------
+    InputError
+        If `w` is outside [0, 1] or a map has another shape than the grid.
+    """
+    check_range("w", w, "[0, 1]")
+    return _factor(relief(maps, grid, settings.sigma_per_wetness * w), k, settings.model)
+
+
+def water_level(maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings = WaterSettings()) -> NDArray[np.float32]:
+    """Return the water level W of eq 6.5 on the grid.
+
+    Parameters
+    ----------
+    maps : mapping of (rows, cols) float32
+        `height` [m], `coverage`, `mask` (M), `moisture` (S0) and `puddles` (A0), as `terrain.ground_maps` makes them.
+    grid : GroundGrid
+        Where their cells lie.
+    w : float
+        Global wetness, in [0, 1].
+    settings : WaterSettings
+        Constants, and the model.
+
+    Returns
+    -------
+    W : (rows, cols) float32
+        0 dry, 0.5 saturated, 1 covered; at w = 0 exactly 0. `model="thesis"` may leave [0, 1].
+
+    Raises
+    ------
+    InputError
+        If `w` is outside [0, 1], or a map is missing or has another shape than the grid.
+    """
+    check_range("w", w, "[0, 1]")
+    if settings.model not in MODELS:
+        raise InputError(f"be one of {', '.join(MODELS)}", got=settings.model, key="model")
+    for name in ("height", "coverage", "mask", "moisture", "puddles"):
+        if name not in maps:
+            raise InputError("hold the map", got=list(maps), key=f"maps['{name}']")
+        check_shape(f"maps['{name}']", maps[name], grid.shape)
+    if w == 0:
+        return np.zeros(grid.shape, np.float32)
+    d = relief(maps, grid, settings.sigma_per_wetness * w)
+    S = _lerp(maps["moisture"], 0.5, settings.moisture_blend * w) * _factor(d, settings.k_sat, settings.model)
+    A = _lerp(maps["puddles"], 0.5, settings.puddle_blend * w) * _factor(d, settings.k_acc, settings.model)
+    if settings.model == "thesis":
+        return (w * maps["mask"] * _lerp(S, A, settings.accumulation_share * w)).astype(np.float32)
+    A = np.clip(A, 0, 1) * _stays(maps, grid, settings)
+    level = np.clip(w * _lerp(np.clip(S, 0, 1), A, settings.accumulation_share * w), 0, 1)
+    return (maps["mask"] * level).astype(np.float32)
+
+
+def water_depth(
+    W: NDArray[np.float32], maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings = WaterSettings()
+) -> NDArray[np.float32]:
+    """Return how thick the water stands above the ground [m], for its absorption.
+
+    Up to saturation (W = 0.5) all water is in the pores. Above, the accumulation `2 W - 1` is the share of what would drown
+    the ground's texture (`texture_depth`, about 1 mm for asphalt by the sand patch test) and fill the hollow that the height
+    map shows at this wetness: `depth = (2 W - 1) (texture_depth + max(0, G * H - H))`. A model of ours: the thesis has
+    none.
+    """
+    hollow = np.maximum(relief(maps, grid, settings.sigma_per_wetness * w), 0)
+    return (np.clip(2 * W - 1, 0, 1) * (settings.texture_depth + hollow)).astype(np.float32)
+
+
+def _factor(d: NDArray[np.float32], k: float, model: str) -> NDArray[np.float32]:
+    F = 1 + np.float32(k) * d
+    return F if model == "thesis" else np.maximum(F, 0)
+
+
+def _lerp(a: NDArray[np.float32], b: NDArray[np.float32] | float, t: float) -> NDArray[np.float32]:
+    return (1 - np.float32(t)) * a + np.float32(t) * np.asarray(b, np.float32)
+
+
+def _stays(maps: Maps, grid: GroundGrid, settings: WaterSettings) -> NDArray[np.float32] | float:
+    """Return the share of standing water that a slope leaves: 1 on the flat, 0 on a hillside."""
+    slope = hillside_slope(maps, grid, settings.slope_scale)
+    t = np.clip((slope - settings.slope_start) / max(settings.slope_end - settings.slope_start, 1e-9), 0, 1)
+    return (1 - t * t * (3 - 2 * t)).astype(np.float32)
+
+
+def hillside_slope(maps: Maps, grid: GroundGrid, scale: float) -> NDArray[np.float32]:
+    """Return the slope (rise over run) of the ground at a scale of metres, blind to kerbs and gutters.
+
+    Fitted on blocks of cells that lie on multiples of their size in the world, so that another extent of the grid gives the
+    same slopes.
+    """
+    f = max(int(scale / (8 * grid.cell)), 1)
+    top, left = (round(start / grid.cell) % f for start in (grid.y_min, grid.x_min))
+    pads = ((top, -(top + grid.rows) % f), (left, -(left + grid.cols) % f))
+    weight = np.pad(maps["coverage"], pads).astype(np.float64)
+    height = np.pad(maps["height"], pads) * weight
+    blocks = [v.reshape(v.shape[0] // f, f, -1, f).sum(axis=(1, 3)) for v in (weight, height)]
+    plane = fit_local_plane(blocks[1] / np.maximum(blocks[0], 1e-9), blocks[0] / f**2, scale, f * grid.cell)
+    slope = np.nan_to_num(np.hypot(plane.slope_x, plane.slope_y))
+    coarse = GroundGrid(grid.x_min - left * grid.cell, grid.y_min - top * grid.cell, f * grid.cell, *slope.shape)
+    x, y = grid.centres()
+    return coarse.sample(slope, np.column_stack([x.ravel(), y.ravel()])).reshape(grid.shape).astype(np.float32)
