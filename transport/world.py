@@ -264,7 +264,7 @@ def _panorama(light: EnvironmentLight, name: str) -> NDArray[np.float32]:
 
 def _distribution(panorama: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return cumulative distributions over rows, and over the columns of each row, by brightness and solid angle."""
-    height, width = panorama.shape[:2]
+    height = len(panorama)
     if height == 0:
         return np.zeros(1), np.zeros((0, 2))
     # Look-up is bilinear: a texel must not have density 0 if its neighbour shines into it.

@@ -73,16 +73,32 @@ def is_cut_out(world, face, b1, b2):
 
 
 @njit(cache=True)
+def face_normal(world, face):
+    """Return the geometric normal of a face."""
+    a = _corner(world.vertices, world.faces[face, 0])
+    b = _corner(world.vertices, world.faces[face, 1])
+    c = _corner(world.vertices, world.faces[face, 2])
+    return normalize(cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])))
+
+
+@njit(cache=True)
+def shading_normal(world, face, b1, b2):
+    """Return the interpolated normal of a face."""
+    i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
+    n = _mix(_corner(world.normals, i), _corner(world.normals, j), _corner(world.normals, k), 1.0 - b1 - b2, b1, b2)
+    return normalize(n)
+
+
+@njit(cache=True)
 def hit_at(world, face, b1, b2):
     """Return the hit on a face at barycentric coordinates; `ns` lies on the side of `ng`."""
     i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
-    b0 = 1.0 - b1 - b2
     a, b, c = _corner(world.vertices, i), _corner(world.vertices, j), _corner(world.vertices, k)
-    p = _mix(a, b, c, b0, b1, b2)
+    p = _mix(a, b, c, 1.0 - b1 - b2, b1, b2)
     e1 = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
     e2 = (c[0] - a[0], c[1] - a[1], c[2] - a[2])
-    ng = normalize((e1[1] * e2[2] - e1[2] * e2[1], e1[2] * e2[0] - e1[0] * e2[2], e1[0] * e2[1] - e1[1] * e2[0]))
-    ns = normalize(_mix(_corner(world.normals, i), _corner(world.normals, j), _corner(world.normals, k), b0, b1, b2))
+    ng = normalize(cross(e1, e2))
+    ns = shading_normal(world, face, b1, b2)
     if dot(ns, ng) < 0.0:
         ns = (-ns[0], -ns[1], -ns[2])
     u, v = texture_coordinates(world, face, b1, b2)
@@ -192,7 +208,7 @@ def without_diffuse(x):
 @njit(cache=True)
 def is_two_faced(kind):
     """Return whether the two sides of a surface differ (glass has an inside)."""
-    return kind == DIELECTRIC or kind == ROUGH_DIELECTRIC
+    return kind in (DIELECTRIC, ROUGH_DIELECTRIC)
 
 
 @njit(cache=True)

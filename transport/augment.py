@@ -1,0 +1,306 @@
+"""Augment a drive with wet ground, frame by frame, and write all that a user of the data may ask for (thesis 6.4)."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import shutil
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.checks import check_range
+from materials.foundation.errors import InputError
+from materials.foundation.files import make_folder, replacing, write_json
+from materials.foundation.progress import logger, tracked
+from materials.foundation.settings import as_dict, setting
+from materials.from_image import ImageRelief
+from scene.images import write_exr, write_raw
+from scene.scene_file import Scene
+from scene.water import WaterSettings, water_level
+from scene.wetting_patterns import puddle_pattern
+
+from .projected_world import ProjectedFrame, project_frame
+from .separate import Separation, separate, water_normals
+from .wet import WetFrame, wet_frame
+
+
+@dataclass(frozen=True)
+class AugmentSettings:
+    """How wet, and how it is computed; defaults are the thesis's (6.4), deviations as documented in docs/augment.md."""
+
+    eta: float = setting(1.63, "refractive index of the dry ground (6.4.2: tarmac)")
+    porosity: float = setting(0.6, "effective porosity of the ground (2.5.2: 0.5 to 0.7 for concrete and asphalt)")
+    darkening: str = setting(
+        "lagarde", "model of the diffuse darkening of full pores", choices=("lagarde", "lekner_dorf", "twomey", "thesis")
+    )
+    strength: float = setting(0.95, "how far full accumulation goes towards smooth water (eq 6.13)")
+    bounces: int = setting(3, "reflections followed between ground and objects")
+    samples: int = setting(64, "paths per pixel")
+    noise: float = setting(
+        0.0, "if above 0: add samples until the median standard error is below this, in 8-bit levels of the picture"
+    )
+    max_samples: int = setting(1024, "most paths per pixel that --noise may take")
+    seed: int = setting(0, "seed of the paths")
+    puddle_scale: float = setting(0.0, "largest size of the puddles [m]; 0 keeps those of the scene (2 m)")
+    layers: bool = setting(True, "write the multi-layer EXR of each frame")
+    labels: bool = setting(True, "write label maps as PNG")
+    format: str = setting("same", "format of the pictures: as the input, or png, exr", choices=("same", "png", "exr"))
+    relief: ImageRelief = field(default_factory=ImageRelief)
+    water: WaterSettings = field(default_factory=WaterSettings)
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """A frame at one wetness, in memory."""
+
+    frame: ProjectedFrame
+    separation: Separation
+    water: NDArray[np.float32]
+    wet: WetFrame
+
+
+def check_settings(settings: AugmentSettings, wetness: list[float]) -> None:
+    """Refuse settings out of range before any work starts.
+
+    Raises
+    ------
+    InputError
+        Names the option.
+    """
+    for w in wetness:
+        check_range("wetness", w, "[0, 1]")
+    check_range("eta", settings.eta, "(1, 3]")
+    check_range("porosity", settings.porosity, "[0, 1]")
+    check_range("strength", settings.strength, "[0, 1]")
+    check_range("bounces", settings.bounces, "[1, 64]")
+    check_range("samples", settings.samples, "[1, 65536]")
+    check_range("max_samples", settings.max_samples, "[1, 65536]")
+    check_range("noise", settings.noise, "[0, 255]")
+    check_range("puddle_scale", settings.puddle_scale, "[0, 100]")
+
+
+def augment(
+    scene: Scene, frames: list[int], wetness: list[float], settings: AugmentSettings, folder: str | Path
+) -> list[dict[str, Any]]:
+    """Write the frames of a scene at each wetness.
+
+    Parameters
+    ----------
+    scene : Scene
+    frames : list of int
+        Indices into the recording.
+    wetness : list of float
+        Global wetness values in [0, 1].
+    settings : AugmentSettings
+    folder : path
+        Gets one folder per wetness (`w0.33/`), with `image/`, `layers/` and `label/`, what rain does not change
+        (`truth/`), and `augment.json`.
+
+    Returns
+    -------
+    report : list of dict
+        Per frame and wetness: clamped share, mean saturation, mean standard error, seconds.
+
+    Raises
+    ------
+    InputError
+        If a setting is out of range or an input cannot be used.
+    """
+    check_settings(settings, wetness)
+    folder = make_folder(folder)
+    normals = water_normals(scene.maps["height"], scene.maps["coverage"], scene.grid.cell)
+    maps = dict(scene.maps)
+    if settings.puddle_scale > 0:
+        maps["puddles"] = puddle_pattern(*scene.grid.centres(), settings.seed, scale=settings.puddle_scale)
+    levels = [water_level(maps, scene.grid, w, settings.water) for w in wetness]
+    names = [_name(w) for w in wetness]
+    report: list[dict[str, Any]] = []
+    projected: ProjectedFrame | None = None
+    for index in tracked(frames, "wetting frames", len(frames)):
+        projected = project_frame(scene, index, projected)
+        separation = separate_frame(projected, scene, normals, settings)
+        for w, name, water in zip(wetness, names, levels, strict=True):
+            wet = wet_frame(projected, separation, np.clip(water, 0, 1), settings.seed, settings.bounces)
+            _write_frame(folder / name, FrameResult(projected, separation, water, wet), settings)
+            _pass_truth(projected, folder / name / "truth")
+            report.append(_figures(projected, separation, wet, w))
+    for w, name in zip(wetness, names, strict=True):
+        write_json(folder / name / "augment.json", _record(scene, w, settings, [r for r in report if r["wetness"] == w]))
+    return report
+
+
+def separate_frame(frame: ProjectedFrame, scene: Scene, normals: NDArray[np.float32], settings: AugmentSettings) -> Separation:
+    """Take the dry ground of a frame apart, with as many samples as the settings ask for."""
+
+    def at(samples: int) -> Separation:
+        return separate(
+            frame,
+            scene.grid,
+            normals,
+            settings.relief,
+            settings.eta,
+            settings.porosity,
+            settings.darkening,
+            settings.strength,
+            samples,
+            settings.seed,
+            settings.bounces,
+        )
+
+    separation = at(settings.samples)
+    if settings.noise <= 0:
+        return separation
+    while separation.samples < settings.max_samples:
+        error = _standard_error(frame, separation.variance, separation.share)
+        if error <= settings.noise:
+            break
+        # The error falls with the root of the samples; ask for what that predicts, but at most four times as many.
+        factor = min(max((error / settings.noise) ** 2, 1.25), 4.0)
+        separation = at(min(int(np.ceil(separation.samples * factor)), settings.max_samples))
+    return separation
+
+
+def _standard_error(frame: ProjectedFrame, variance: NDArray[np.float32], share: NDArray[np.float32]) -> float:
+    """Return the median standard error over the ground in 8-bit levels of the picture."""
+    ground = share > 0.5
+    if not ground.any():
+        return 0.0
+    sigma = np.sqrt(variance[ground].mean(axis=-1))
+    if frame.encoding.response == "srgb":
+        # Slope of the sRGB curve at the pixel's value: d(8-bit) = 255 * d(encoded)/d(linear) * sigma.
+        value = np.clip(frame.image[ground].mean(axis=-1), 0.0031308, 1)
+        sigma = sigma * (1.055 / 2.4) * value ** (1 / 2.4 - 1)
+    return float(np.median(255 * sigma))
+
+
+def _write_frame(folder: Path, result: FrameResult, settings: AugmentSettings) -> None:
+    frame, wet = result.frame, result.wet
+    name = frame.frame.name
+    if settings.format == "exr":
+        write_raw(folder / "image" / f"{name}.exr", wet.image)
+    elif settings.format == "png" and frame.encoding.suffix != ".png":
+        raise InputError(
+            "be same or exr", got="png", key="--format", remedy=f"The input is {frame.encoding.suffix}; use --format same."
+        )
+    else:
+        write_raw(folder / "image" / f"{name}{frame.encoding.suffix}", wet.raw)
+    if settings.layers:
+        write_exr(folder / "layers" / f"{name}.exr", layers(result))
+    if settings.labels:
+        for label, values in labels(result).items():
+            write_raw(folder / "label" / label / f"{name}.png", values)
+
+
+def layers(result: FrameResult) -> dict[str, NDArray]:
+    """Return the channels of a frame's EXR: the picture and all that it was made of, in linear light and metres."""
+    frame, sep, wet = result.frame, result.separation, result.wet
+    out: dict[str, NDArray] = {}
+
+    def add(layer: str, values: NDArray, channels: str) -> None:
+        prefix = f"{layer}." if layer else ""
+        for i, channel in enumerate(channels):
+            out[prefix + channel] = values[..., i].astype(np.float32)
+
+    add("", wet.image, "RGB")
+    add("diffuse_dry", sep.share[..., None] * sep.diffuse, "RGB")
+    add("diffuse_wet", wet.diffuse, "RGB")
+    add("specular_dry", sep.scale * sep.specular, "RGB")
+    add("specular_wet", wet.specular, "RGB")
+    add("normal", sep.ground.normal, "XYZ")
+    share = np.maximum(sep.share, 1e-6)
+    saturation, accumulation = wet.wet.wetness[..., 0] / share, wet.wet.wetness[..., 1] / share
+    ground = sep.share > 0
+    # Saturation fills the lower half of the water level, accumulation the upper half.
+    out["water.level"] = np.where(ground, 0.5 * saturation + 0.5 * accumulation, 0).astype(np.float32)
+    out["water.saturation"] = np.where(ground, saturation, 0).astype(np.float32)
+    out["water.accumulation"] = np.where(ground, accumulation, 0).astype(np.float32)
+    out["roughness.Y"] = np.where(ground, sep.ground.roughness, 0).astype(np.float32)
+    out["depth.Z"] = frame.depth.astype(np.float32)
+    out["ground.A"] = sep.share
+    out["id.instance"] = frame.instance.astype(np.uint32)
+    out["id.role"] = (frame.shape + 1).astype(np.uint32)
+    return out
+
+
+def labels(result: FrameResult) -> dict[str, NDArray[np.uint8]]:
+    """Return label maps: share of ground, saturation and accumulation (0 to 255), and what changed (0 or 255)."""
+    sep, wet = result.separation, result.wet
+    share = np.maximum(sep.share, 1e-6)[..., None]
+    wetness = np.rint(255 * np.clip(wet.wet.wetness / share, 0, 1)).astype(np.uint8)
+    changed = result.frame.raw != wet.raw
+    changed = changed if changed.ndim == 2 else changed.any(axis=-1)
+    return {
+        "ground": np.rint(255 * np.clip(sep.share, 0, 1)).astype(np.uint8),
+        "saturation": wetness[..., 0],
+        "accumulation": wetness[..., 1],
+        "changed": (changed * 255).astype(np.uint8),
+    }
+
+
+def _pass_truth(frame: ProjectedFrame, folder: Path) -> None:
+    """Copy the measurements that rain does not change, byte by byte."""
+    given = frame.frame
+    files = {
+        "mask": given.masks.file if given.masks else None,
+        "disparity": given.disparity.file if given.disparity else None,
+        "segmentation": given.segmentation,
+    }
+    for kind, file in files.items():
+        if file is not None:
+            target = folder / kind / f"{given.name}{file.suffix}"
+            with replacing(target) as temporary:
+                shutil.copyfile(file, temporary)
+
+
+def _figures(frame: ProjectedFrame, separation: Separation, wet: WetFrame, w: float) -> dict[str, Any]:
+    ground = separation.share > 0
+    wetness = wet.wet.wetness[ground] / separation.share[ground][:, None] if ground.any() else np.zeros((1, 2))
+    return {
+        "frame": frame.frame.name,
+        "wetness": w,
+        "samples": separation.samples,
+        "ground_share": float(ground.mean()),
+        "clamped_share": separation.clamped_share,
+        "mean_saturation": float(wetness[:, 0].mean()),
+        "mean_accumulation": float(wetness[:, 1].mean()),
+        "standard_error_levels": _standard_error(frame, wet.wet.variance, separation.share),
+    }
+
+
+def _record(scene: Scene, w: float, settings: AugmentSettings, frames: list[dict[str, Any]]) -> dict[str, Any]:
+    packages = ("meniscus", "numpy", "numba", "embreex", "scipy", "opencv-contrib-python-headless", "OpenEXR")
+    return {
+        "format": "augmented/1",
+        "scene": scene.name,
+        "wetness": w,
+        "settings": as_dict(settings),
+        "frames": frames,
+        "versions": {name: _version(name) for name in packages},
+    }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _name(w: float) -> str:
+    """Name the folder of a wetness so that names sort as numbers do: `w0.33`."""
+    return f"w{w:.2f}"
+
+
+def summarise(report: list[dict[str, Any]]) -> None:
+    """Log the figures that tell whether to trust the result."""
+    for row in report:
+        logger.info(
+            "%s at w = %.2f: %.1f %% of the ground clamped, standard error %.2f levels",
+            row["frame"],
+            row["wetness"],
+            100 * row["clamped_share"],
+            row["standard_error_levels"],
+        )

@@ -1,0 +1,200 @@
+"""A photograph put back into the world: the radiance of any surface point as the picture, other frames, or a mean says.
+
+A point takes its colour from the frame's picture if the camera sees it there (inside the frustum, at the depth of what
+the pixel shows, and of the same moving object); else from its vertices' fill colour, which other frames saw; else from
+the mean of its class (thesis 6.4.1).
+"""
+
+import math
+from typing import Any, NamedTuple
+
+from numba import njit
+
+from materials.kernels.frames import dot
+
+from .rays import intersect
+from .shading import face_normal, leave
+
+GROUND, ENVIRONMENT, CARDBOARD, HULL, UNDERSIDE = 0, 1, 2, 3, 4
+
+
+class Picture(NamedTuple):
+    """A frame and what stands behind it; `near` and `far` bound the depths around each pixel [m]."""
+
+    image: Any  # (H, W, 3) float32, linear
+    near: Any  # (H, W) float32; inf where the pixel sees nothing
+    far: Any  # (H, W) float32
+    instance: Any  # (H, W) int32, 0 = static
+    P: Any  # (3, 4) float64, world to pixels times depth
+    role: Any  # (S,) int64
+    shape_instance: Any  # (S,) int32
+    mean: Any  # (S, 3) float64
+    fill: Any  # (V, 4) float32, linear RGB and weight
+    sky: Any  # (h, w, 3) float32, complete
+
+
+@njit(cache=True)
+def project(P, p):
+    """Return pixel position and depth of a world point."""
+    x = P[0, 0] * p[0] + P[0, 1] * p[1] + P[0, 2] * p[2] + P[0, 3]
+    y = P[1, 0] * p[0] + P[1, 1] * p[1] + P[1, 2] * p[2] + P[1, 3]
+    z = P[2, 0] * p[0] + P[2, 1] * p[1] + P[2, 2] * p[2] + P[2, 3]
+    if z <= 0.05:
+        return -1.0, -1.0, z
+    return x / z, y / z, z
+
+
+@njit(cache=True)
+def sample_image(image, instance, x, y, wanted):
+    """Return the picture at a position, bilinear over those of the four pixels that show instance `wanted`."""
+    height, width = image.shape[0], image.shape[1]
+    fx, fy = x - 0.5, y - 0.5
+    x0, y0 = math.floor(fx), math.floor(fy)
+    ax, ay = fx - x0, fy - y0
+    r = g = b = total = 0.0
+    for j in range(2):
+        row = min(max(y0 + j, 0), height - 1)
+        wy = ay if j == 1 else 1.0 - ay
+        for i in range(2):
+            col = min(max(x0 + i, 0), width - 1)
+            if instance[row, col] == wanted:
+                w = wy * (ax if i == 1 else 1.0 - ax)
+                total += w
+                r += w * image[row, col, 0]
+                g += w * image[row, col, 1]
+                b += w * image[row, col, 2]
+    if total <= 0.0:
+        row, col = min(int(y), height - 1), min(int(x), width - 1)
+        return image[row, col, 0], image[row, col, 1], image[row, col, 2]
+    return r / total, g / total, b / total
+
+
+@njit(cache=True)
+def _is_inside(picture, x, y):
+    return 0.0 <= x < picture.image.shape[1] and 0.0 <= y < picture.image.shape[0]
+
+
+@njit(cache=True)
+def instance_at(picture, x, y):
+    """Return the moving object that the pixel at a position shows; -1 outside the picture."""
+    if not _is_inside(picture, x, y):
+        return -1
+    return picture.instance[int(y), int(x)]
+
+
+@njit(cache=True)
+def is_seen(picture, x, y, z, instance):
+    """Return whether the camera sees a point that projects to (x, y) at depth z, rather than something before it."""
+    if not _is_inside(picture, x, y):
+        return False
+    row, col = int(y), int(x)
+    if picture.instance[row, col] != instance:
+        return False
+    if instance != 0:
+        return True
+    slack = 0.05 + 0.01 * z
+    return picture.near[row, col] - slack <= z <= picture.far[row, col] + slack
+
+
+@njit(cache=True)
+def _fill(picture, faces, face, b1, b2):
+    """Return fill colour and weight at barycentric coordinates, from those vertices that have one."""
+    r = g = b = total = 0.0
+    for k in range(3):
+        v = faces[face, k]
+        w = (1.0 - b1 - b2 if k == 0 else (b1 if k == 1 else b2)) * picture.fill[v, 3]
+        total += w
+        r += w * picture.fill[v, 0]
+        g += w * picture.fill[v, 1]
+        b += w * picture.fill[v, 2]
+    if total <= 1e-6:
+        return 0.0, 0.0, 0.0, 0.0
+    return r / total, g / total, b / total, total
+
+
+@njit(cache=True)
+def radiance_of(picture, image, world, face, b1, b2, p):
+    """Return the radiance of a surface point; `image` is the picture itself or a layer of it."""
+    shape = world.face_shape[face]
+    role = picture.role[shape]
+    mean = picture.mean[shape]
+    if role <= CARDBOARD:
+        x, y, z = project(picture.P, p)
+        instance = picture.shape_instance[shape]
+        if is_seen(picture, x, y, z, instance):
+            return sample_image(image, picture.instance, x, y, instance)
+        if role <= ENVIRONMENT:
+            r, g, b, w = _fill(picture, world.faces, face, b1, b2)
+            if w > 0.0:
+                return r, g, b
+    return mean[0], mean[1], mean[2]
+
+
+@njit(cache=True)
+def sky_radiance(picture, d):
+    """Return the radiance from beyond all meshes: the picture where it shows the sky there, else the panorama."""
+    P = picture.P
+    z = P[2, 0] * d[0] + P[2, 1] * d[1] + P[2, 2] * d[2]
+    if z > 1e-3:
+        x = (P[0, 0] * d[0] + P[0, 1] * d[1] + P[0, 2] * d[2]) / z
+        y = (P[1, 0] * d[0] + P[1, 1] * d[1] + P[1, 2] * d[2]) / z
+        if _is_inside(picture, x, y):
+            row, col = int(y), int(x)
+            if picture.instance[row, col] == 0 and math.isinf(picture.far[row, col]):
+                return sample_image(picture.image, picture.instance, x, y, 0)
+    sky = picture.sky
+    height, width = sky.shape[0], sky.shape[1]
+    y = min(max(math.acos(min(1.0, max(-1.0, d[2]))) / math.pi * height - 0.5, 0.0), height - 1.0)
+    x = (math.atan2(d[1], d[0]) / (2.0 * math.pi) + 0.5) * width - 0.5
+    y0 = int(y)
+    y1 = min(y0 + 1, height - 1)
+    fx = math.floor(x)
+    ax, ay = x - fx, y - y0
+    x0 = int(fx) % width
+    x1 = (x0 + 1) % width
+    a, b, c, e = (1.0 - ax) * (1.0 - ay), ax * (1.0 - ay), (1.0 - ax) * ay, ax * ay
+    return (
+        sky[y0, x0, 0] * a + sky[y0, x1, 0] * b + sky[y1, x0, 0] * c + sky[y1, x1, 0] * e,
+        sky[y0, x0, 1] * a + sky[y0, x1, 1] * b + sky[y1, x0, 1] * c + sky[y1, x1, 1] * e,
+        sky[y0, x0, 2] * a + sky[y0, x1, 2] * b + sky[y1, x0, 2] * c + sky[y1, x1, 2] * e,
+    )
+
+
+@njit(cache=True)
+def is_there(picture, world, face, p, from_camera):
+    """Return whether a hit counts.
+
+    Cardboards and hulls exist only where their mask shows them; the underside of a vehicle darkens the ground below it
+    but must not hide that ground from the camera, which sees it between the wheels.
+    """
+    shape = world.face_shape[face]
+    role = picture.role[shape]
+    if role == UNDERSIDE:
+        return not from_camera
+    if role != CARDBOARD and role != HULL:
+        return True
+    x, y, _ = project(picture.P, p)
+    return instance_at(picture, x, y) == picture.shape_instance[shape]
+
+
+@njit(cache=True)
+def nearest(picture, world, buffer, s, o, d, from_camera):
+    """Return (face, b1, b2, p) of the nearest thing that is there; face -1 is none."""
+    for _ in range(64):
+        face, t, b1, b2 = intersect(
+            world.static_scene, world.dynamic_scene, world.num_static_faces, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], 1e30
+        )
+        if face < 0:
+            return -1, 0.0, 0.0, o
+        p = (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2])
+        if is_there(picture, world, face, p, from_camera):
+            return face, b1, b2, p
+        ng = face_normal(world, face)
+        o = leave(p, ng, d)
+    return -1, 0.0, 0.0, o
+
+
+@njit(cache=True)
+def faces_viewer(n, w):
+    """Return n turned to the side of w."""
+    return n if dot(n, w) >= 0.0 else (-n[0], -n[1], -n[2])

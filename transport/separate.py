@@ -1,0 +1,200 @@
+"""Split what the camera saw of the ground into diffuse and specular light (thesis 6.4.2, 6.4.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+
+from materials.from_image import ImageRelief, bump_normals, height_variation, roughness_map
+from materials.wetness import diffuse_attenuation, porosity_attenuation
+from scene.grid import GroundGrid
+from scene.map_filters import fit_local_plane
+
+from .kernels.wet import WetGround, specular_pass
+from .projected_world import ProjectedFrame
+from .world import compile_camera
+
+# Water follows the street at this scale (sigma): far above a kerb's or a gutter's width, below a hill's.
+_PLANE_SCALE = 4.0
+
+
+@dataclass(frozen=True)
+class Separation:
+    """The dry ground of a frame, taken apart.
+
+    Attributes
+    ----------
+    ground : WetGround
+        Its parameters, with no water yet.
+    wanted : (H, W) bool
+        Pixels of which any part may see the ground.
+    specular : (H, W, 3) float32
+        Specular radiance of the ground's share of each pixel (eq 6.10), as estimated.
+    scale : (H, W, 3) float32
+        Factor in [0, 1] that keeps the specular part within what was observed; below 1 the light that was guessed
+        to reach the ground is too strong there.
+    diffuse : (H, W, 3) float32
+        The picture less `scale * specular` (eq 6.11), never negative.
+    share : (H, W) float32
+        Share of the pixel that sees the ground.
+    variance : (H, W, 3) float32
+        Of `specular`.
+    samples : int
+    """
+
+    ground: WetGround
+    wanted: NDArray[np.bool_]
+    specular: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    diffuse: NDArray[np.float32]
+    share: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    samples: int
+
+    @property
+    def clamped_share(self) -> float:
+        """Share of the ground's pixels where the estimate exceeded the observation in any channel."""
+        ground = self.share > 0
+        return float(np.mean(np.any(self.scale[ground] < 1, axis=-1))) if ground.any() else 0.0
+
+
+@dataclass(frozen=True)
+class SpecularPass:
+    """Means over the samples of a pixel; what does not see the ground counts 0."""
+
+    specular: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    dimming: NDArray[np.float32]
+    share: NDArray[np.float32]
+    wetness: NDArray[np.float32]
+
+
+def trace_specular(
+    frame: ProjectedFrame,
+    ground: WetGround,
+    diffuse: NDArray[np.float32],
+    wanted: NDArray[np.bool_],
+    samples: int,
+    seed: int,
+    bounces: int,
+) -> SpecularPass:
+    """Path trace the specular light of the ground (eq 6.10) under given water.
+
+    Parameters
+    ----------
+    diffuse : (H, W, 3) float32
+        The picture without the ground's gloss, for wet ground that is met on the way.
+    wanted : (H, W) bool
+        Pixels to trace.
+    samples : int
+        Per pixel; the numbers drawn do not depend on the water, so passes can be compared pixel by pixel.
+    """
+    size = wanted.shape
+    specular, square, dimming = np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros((*size, 3))
+    share, wetness = np.zeros(size), np.zeros((*size, 2))
+    view = compile_camera(frame.camera)
+    args = (frame.world.arrays, frame.picture, diffuse, ground, view, wanted, 0, samples, seed & 0xFFFFFFFF, bounces)
+    specular_pass(*args, specular, square, dimming, share, wetness)
+    mean = specular / samples
+    variance = np.maximum(square / samples - mean * mean, 0) / max(samples - 1, 1)
+    parts = (mean, variance, dimming / samples, share / samples, wetness / samples)
+    return SpecularPass(*(part.astype(np.float32) for part in parts))
+
+
+def separate(
+    frame: ProjectedFrame,
+    grid: GroundGrid,
+    water_normal: NDArray[np.float32],
+    relief: ImageRelief,
+    eta: float,
+    porosity: float,
+    darkening: str,
+    strength: float,
+    samples: int,
+    seed: int,
+    bounces: int,
+    reference_albedo: float = 0.12,
+) -> Separation:
+    """Estimate the dry ground's parameters from the picture and take its specular light off it.
+
+    Parameters
+    ----------
+    water_normal : (rows, cols, 3) float32
+        From `water_normals`.
+    relief : ImageRelief
+        Constants of eqs 6.7 to 6.9.
+    eta : float
+        Refractive index of the dry ground (1.63: tarmac).
+    porosity : float
+        Effective porosity of the ground.
+    darkening : {"lagarde", "lekner_dorf", "twomey", "thesis"}
+        Model of `materials.wetness.diffuse_attenuation`.
+    strength : float
+        Weight of eq 6.13 (0.95).
+    reference_albedo : float
+        Albedo that the mean brightness of the ground stands for, where the model of darkening asks for albedos.
+    """
+    mask = frame.is_ground
+    roughness = roughness_map(frame.image, mask, relief)
+    height = height_variation(frame.image, mask, relief)
+    normal = bump_normals(height, frame.position, frame.normal, mask, relief)
+    normal = np.where(mask[..., None], normal, np.float32([0, 0, 1])).astype(np.float32)
+    ground = WetGround(
+        roughness=roughness.astype(np.float32),
+        normal=normal,
+        attenuation=_attenuation(frame.image, mask, porosity, darkening, reference_albedo),
+        water=np.zeros(grid.shape, np.float32),
+        water_normal=water_normal,
+        x_min=grid.x_min,
+        y_min=grid.y_min,
+        cell=grid.cell,
+        eta=eta,
+        rho=float(porosity_attenuation(porosity, "thesis" if darkening == "thesis" else "lagarde")),
+        strength=strength,
+        mean_roughness=0.5 * (relief.roughness_min + relief.roughness_max),
+    )
+    wanted = binary_dilation(mask, np.ones((3, 3), bool)) & (frame.instance == 0)
+    dry = trace_specular(frame, ground, frame.image, wanted, samples, seed, bounces)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where(dry.specular > frame.image, frame.image / dry.specular, 1.0)
+    # An image with negative values (EXR keeps them) has nothing to give away there.
+    scale = np.clip(np.nan_to_num(scale, nan=1.0), 0, 1).astype(np.float32)
+    diffuse = frame.image - scale * dry.specular
+    return Separation(ground, wanted, dry.specular, scale, diffuse, dry.share, dry.variance, samples)
+
+
+def water_normals(height: NDArray[np.float32], coverage: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
+    """Return the normal of water standing on the ground: that of the plane that fits the ground over some metres.
+
+    Upright (0, 0, 1) would be exact for a puddle if the recording's z axis were exactly vertical; half a degree of tilt
+    turns mirror images by a whole one, and the film on a sloping street follows the street.
+
+    Parameters
+    ----------
+    height : (rows, cols) float32
+        Ground height [m].
+    coverage : (rows, cols) float32
+        1 where it was measured.
+    cell : float
+        Size of a cell [m].
+
+    Returns
+    -------
+    normals : (rows, cols, 3) float32
+        Unit vectors.
+    """
+    plane = fit_local_plane(height, coverage, _PLANE_SCALE, cell)
+    normal = np.stack([-plane.slope_x, -plane.slope_y, np.ones_like(plane.level)], axis=-1)
+    normal = np.where(np.isfinite(plane.level)[..., None], np.nan_to_num(normal), np.float32([0, 0, 1]))
+    return (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def _attenuation(
+    image: NDArray[np.float32], mask: NDArray[np.bool_], porosity: float, darkening: str, reference_albedo: float
+) -> NDArray[np.float32]:
+    mean = float(image[mask].mean()) if mask.any() else 1.0
+    albedo = np.clip(image / max(mean, 1e-6) * reference_albedo, 0.0, 1.0)
+    return diffuse_attenuation(albedo, 1.0, porosity, darkening).astype(np.float32)  # type: ignore[arg-type]
