@@ -97,7 +97,9 @@ class FrameView:
 
 def raycasting_scene(meshes: Iterable[Mesh]) -> Any:
     """Return an Open3D RaycastingScene of meshes; geometry ids count from 0 in their order."""
-    import open3d as o3d
+    import open3d
+
+    o3d: Any = open3d
 
     scene = o3d.t.geometry.RaycastingScene()
     for mesh in meshes:
@@ -209,8 +211,9 @@ def _halved(image: NDArray[np.float32], valid: NDArray[np.float32]) -> tuple[NDA
     rows, cols = image.shape[0] // 2 * 2, image.shape[1] // 2 * 2
 
     def pooled(a: NDArray[np.float32]) -> NDArray[np.float32]:
-        return (a[0:rows:2, 0:cols:2] + a[1:rows:2, 0:cols:2] + a[0:rows:2, 1:cols:2] + a[1:rows:2, 1:cols:2]) / 4
+        total = a[0:rows:2, 0:cols:2] + a[1:rows:2, 0:cols:2] + a[0:rows:2, 1:cols:2] + a[1:rows:2, 1:cols:2]
+        return (total * np.float32(0.25)).astype(np.float32)
 
     weight = pooled(valid)
-    colour = pooled(image * valid[..., None]) / np.maximum(weight, 1e-6)[..., None]
-    return colour, weight
+    colour = pooled(image * valid[..., None]) / np.maximum(weight, np.float32(1e-6))[..., None]
+    return colour.astype(np.float32), weight.astype(np.float32)

@@ -159,8 +159,8 @@ def class_means(
     environment, or of the ground, or 0.18 if there is no picture at all.
     """
     names = list(meshes)
-    sums = {name: np.zeros(3) for name in CLASSES}
-    counts = dict.fromkeys(CLASSES, 0)
+    sums: dict[str, NDArray[np.float64]] = {name: np.zeros(3) for name in CLASSES}
+    counts: dict[str, int] = dict.fromkeys(CLASSES, 0)
     for t, view in enumerate(frame_views(recording, meshes, "Class means")):
         for name, pixels in _classes(view, names, recording.frames[t].masks, cardboards[t] if t < len(cardboards) else ()):
             sums[name] += view.linear[pixels].sum(axis=0, dtype=np.float64)

@@ -157,7 +157,7 @@ def _factor(d: NDArray[np.float32], k: float, model: str) -> NDArray[np.float32]
 
 
 def _lerp(a: NDArray[np.float32], b: NDArray[np.float32] | float, t: float) -> NDArray[np.float32]:
-    return (1 - np.float32(t)) * a + np.float32(t) * np.asarray(b, np.float32)
+    return ((1 - np.float32(t)) * a + np.float32(t) * np.asarray(b, np.float32)).astype(np.float32)
 
 
 def _stays(maps: Maps, grid: GroundGrid, settings: WaterSettings) -> NDArray[np.float32] | float:
