@@ -22,8 +22,9 @@ from .rough_film import internal_reflectance, reflectance
 @njit(cache=True, error_model="numpy")
 def inside(w, film_eta):
     """Return the direction inside the film, leaving the base, that w above the film is bent into."""
-    x, y = w[0] / film_eta, w[1] / film_eta
-    return (x, y, math.sqrt(max(1.0 - x * x - y * y, 0.0)))
+    # z from the cosine, not from 1 - x^2 - y^2, which cancels where the film's index is near 1; and never 0
+    z2 = (film_eta * film_eta - 1.0 + w[2] * w[2]) / (film_eta * film_eta)
+    return (w[0] / film_eta, w[1] / film_eta, math.sqrt(max(z2, 1e-30)))
 
 
 @njit(cache=True, error_model="numpy")

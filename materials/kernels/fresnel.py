@@ -9,11 +9,13 @@ from numba import njit
 @njit(cache=True, error_model="numpy")
 def dielectric(cos_i, eta):
     """Return the unpolarised reflectance at cos_i >= 0; eta is the index behind over the index before (TIR gives 1)."""
+    if eta == 1.0:
+        return 0.0
     sin2_t = (1.0 - cos_i * cos_i) / (eta * eta)
     if sin2_t >= 1.0:
         return 1.0
     if cos_i <= 0.0:
-        return 1.0 if eta != 1.0 else 0.0
+        return 1.0
     cos_t = math.sqrt(1.0 - sin2_t)
     r_s = (cos_i - eta * cos_t) / (cos_i + eta * cos_t)
     r_p = (eta * cos_i - cos_t) / (eta * cos_i + cos_t)
