@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -138,8 +139,8 @@ def _front(add, wall: str, house: House, openings: list) -> None:
     plinth = 0.45
     xs = np.unique(np.round([0, house.width] + [x for o in openings for x in o[1:3]], 4))
     zs = np.unique(np.round([_BELOW, plinth, house.eaves] + [z for o in openings for z in o[3:5]], 4))
-    for x0, x1 in zip(xs[:-1], xs[1:], strict=True):
-        for z0, z1 in zip(zs[:-1], zs[1:], strict=True):
+    for x0, x1 in itertools.pairwise(xs):
+        for z0, z1 in itertools.pairwise(zs):
             x, z = (x0 + x1) / 2, (z0 + z1) / 2
             if any(o[1] < x < o[2] and o[3] < z < o[4] for o in openings):
                 continue

@@ -36,7 +36,7 @@ class Pattern:
         slope: float = 1.0,
         stretch: float = 1.0,
     ) -> None:
-        n = int(round(size / cell))
+        n = round(size / cell)
         self.cell = size / n
         f = np.fft.fftfreq(n, self.cell)
         k = np.hypot(f[None, : n // 2 + 1] * stretch, f[:, None])

@@ -106,8 +106,8 @@ def _detail(grid: GroundGrid, wear: at.Damage, cracks: NDArray, rng: np.random.G
     ruts = sum(
         np.exp(-0.5 * ((y - lane - side * 0.75) / 0.22) ** 2) for lane in (at.LANE_EGO, at.LANE_ONCOMING) for side in (-1, 1)
     )
-    wander = 0.7 + 0.3 * np.sin(2 * np.pi * x / 17.3 + 1.0)
-    road = 0.0035 * waves + 0.0006 * grain - 0.007 * ruts[:, None] * wander - 0.004 * cracks
+    wander = 0.65 + 0.35 * np.sin(2 * np.pi * x / 17.3 + 1.0)
+    road = 0.0035 * waves + 0.0006 * grain - 0.012 * ruts[:, None] * wander - 0.004 * cracks
     for x0, y0, x1, y1 in wear.patches:
         patch = smoothstep(x0 - 0.03, x0 + 0.03, x) * smoothstep(-x1 - 0.03, -x1 + 0.03, -x)
         road -= 0.006 * np.outer(smoothstep(y0 - 0.03, y0 + 0.03, y) * smoothstep(-y1 - 0.03, -y1 + 0.03, -y), patch)

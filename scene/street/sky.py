@@ -1,7 +1,8 @@
 """Sun and sky: a clear sky after Preetham, Shirley and Smits (1999), or the CIE overcast sky.
 
 Units: everything is scaled so that a white sheet (albedo 0.8) that faces the sun has radiance 1.6: white facades, which
-stand obliquely in it, then lie just below 1, which is what an exposure of 1 maps to white. Photometric values inside the formulas are in kcd/m² and klx.
+stand obliquely in it, then lie just below 1, which is what an exposure of 1 maps to white. Photometric values inside the
+formulas are in kcd/m² and klx.
 
 References
 ----------

@@ -33,6 +33,9 @@ from .water import ASPHALT_TEXTURE, SLAB_TEXTURE, Hydrology, Water
 
 ASPHALT_ETA = 1.63
 _FILM_CELL = 0.04
+# Width of the facets of asphalt whose stones carry a skin of water but stand out of the sheet: our choice, between the
+# dry 0.5-0.8 and the 0 of still water.
+_WET_ALPHA = 0.3
 
 
 @dataclass(frozen=True)
@@ -152,8 +155,8 @@ class Street:
             c = _resized(coverage, look.albedo.shape[:2])[..., None]
             full = below / np.maximum(factor, 1e-6)
             factor = factor * (1 - c) + np.where(factor < 1, factor * full, 1.0) * c
-        # Water in the texture's valleys and around its grains smooths what stays uncovered.
-        alpha = (look.alpha * (1 - 0.45 * s)).astype(np.float32)
+        # A skin of water around the grains smooths what stays uncovered.
+        alpha = (look.alpha * (1 - s) + _WET_ALPHA * s).astype(np.float32)
         albedo = (look.albedo * factor).astype(np.float32)
         return Material(
             dry.model, albedo_texture=albedo, eta=dry.eta, alpha_texture=alpha if dry.model == "ggx" else None, film=film

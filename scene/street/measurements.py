@@ -1,0 +1,103 @@
+"""The recording's files that need no light: sweeps, masks, true depth, flow and normals, cameras."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.files import replacing, write_json
+from materials.foundation.progress import tracked
+
+from ..images import write_exr, write_raw
+from ..recording import Frame, MaskFile, Noise, PointsFile, Recording, write_recording
+from .drive import CLASSES
+from .lidar import LidarSettings, sweep, to_world
+from .truth import FrameTruth, frame_truth, ray_scene
+from .world import Street
+
+
+def write_measurements(street: Street, folder: str | Path, lidar: LidarSettings | None = None) -> None:
+    """Write what can be measured or known without rendering.
+
+    `points/NNNN.npz` (key `points`, scanner frame), `masks/NNNN.png` (0 = static), and below `truth/`: `depth/NNNN.exr`,
+    `normal/NNNN.exr` (world), `flow/NNNN.npy` and `flow/NNNN.png` (KITTI's 16-bit form), `visible/NNNN.png`,
+    `static_cloud.npz` (all static points of all sweeps in the world) and `objects.json` (poses of the moving things).
+
+    Parameters
+    ----------
+    folder : path
+        The recording's folder; files in it are replaced one by one, each whole or absent.
+    """
+    folder = Path(folder)
+    scene, static_points = ray_scene(street, 0), []
+    for frame in tracked(range(street.settings.frames), "measuring the street", total=street.settings.frames):
+        last = frame == street.settings.frames - 1
+        next_scene = None if last else ray_scene(street, frame + 1, scene)
+        _write_truth(folder, frame, frame_truth(street, frame, scene, next_scene))
+        if street.settings.lidar:
+            rng = np.random.default_rng([street.settings.seed, 100 + frame])
+            turn = sweep(scene, street.scanner_poses[frame], rng, lidar)
+            _write_npz(folder / "points" / f"{frame:04d}.npz", points=turn.points)
+            static_points.append(to_world(street.scanner_poses[frame], turn.points[turn.instance == 0]).astype(np.float32))
+        scene = next_scene or scene
+    if static_points:
+        _write_npz(folder / "truth" / "static_cloud.npz", points=np.concatenate(static_points))
+    poses = [{str(k): T.tolist() for k, T in poses.items()} for poses in street.poses]
+    write_json(folder / "truth" / "objects.json", {"classes": {str(k): v for k, v in CLASSES.items()}, "T_world_object": poses})
+
+
+def write_street_recording(street: Street, folder: str | Path, noise: Noise | None, image: str = "images/{:04d}.png") -> Recording:
+    """Write `recording.json` beside the files it names, and return it."""
+    folder = Path(folder).resolve()
+    frames = []
+    for frame, camera in enumerate(street.cameras):
+        points = PointsFile(folder / "points" / f"{frame:04d}.npz", street.scanner_poses[frame]) if street.settings.lidar else None
+        masks = MaskFile(folder / "masks" / f"{frame:04d}.png", "vehicle", CLASSES)
+        frames.append(Frame(folder / image.format(frame), camera, "srgb", 1.0, None, points, masks))
+    recording = Recording(tuple(frames), folder, "street", None, noise)
+    write_recording(folder / "recording.json", recording)
+    return recording
+
+
+@dataclass(frozen=True)
+class KittiFlow:
+    """A flow field as KITTI stores it: (v - 32768) / 64 px, and where it is known."""
+
+    flow: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+
+    def stored(self) -> NDArray[np.uint16]:
+        """Return (H, W, 3) uint16: u, v, valid."""
+        coded = np.clip(np.rint(np.nan_to_num(self.flow) * 64 + 32768), 0, 65535)
+        fits = (np.abs(self.flow) < 511.9).all(axis=-1) & self.valid
+        return np.where(fits[..., None], np.dstack([coded, np.ones(fits.shape)]), 0).astype(np.uint16)
+
+
+def _write_truth(folder: Path, frame: int, truth: FrameTruth) -> None:
+    name = f"{frame:04d}"
+    write_raw(folder / "masks" / f"{name}.png", truth.instance)
+    write_exr(folder / "truth" / "depth" / f"{name}.exr", {"depth.Z": truth.depth})
+    write_exr(folder / "truth" / "normal" / f"{name}.exr", {f"normal.{c}": truth.normal[..., i] for i, c in enumerate("XYZ")})
+    if truth.flow is None or truth.visible is None:
+        return
+    with replacing(folder / "truth" / "flow" / f"{name}.npy") as temporary:
+        np.save(temporary, truth.flow)
+    stored = KittiFlow(truth.flow, np.isfinite(truth.flow).all(axis=-1)).stored()
+    _write_png16(folder / "truth" / "flow" / f"{name}.png", stored)
+    write_raw(folder / "truth" / "visible" / f"{name}.png", truth.visible.astype(np.uint8) * 255)
+
+
+def _write_png16(path: Path, rgb: NDArray[np.uint16]) -> None:
+    done, data = cv2.imencode(".png", rgb[..., ::-1])
+    assert done
+    with replacing(path) as temporary:
+        temporary.write_bytes(data.tobytes())
+
+
+def _write_npz(path: Path, **arrays: NDArray) -> None:
+    with replacing(path) as temporary:
+        np.savez_compressed(temporary, **arrays)
