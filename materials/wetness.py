@@ -129,7 +129,7 @@ def saturate(
     check_range("w_sat", w_sat, "[0, 1]")
     e, r, rho, w = _floats(eta), _floats(roughness), _floats(attenuation), _floats(w_sat)
     keep = _lerp(1, rho, 0.5 * w)
-    wet_eta = e * keep if model == "thesis" else ETA_WATER + (e - ETA_WATER) * keep
+    wet_eta = e * keep if model == "thesis" else e + (ETA_WATER - e) * (1 - keep)
     return wet_eta, r * keep
 
 
@@ -175,6 +175,7 @@ def accumulate(
     length = np.linalg.norm(blend, axis=-1, keepdims=True)
     # only a normal that points straight down can meet its opposite half-way
     level = np.where(length > 1e-6, blend / np.maximum(length, 1e-6), np.asarray(up, dtype=n.dtype))
+    level = np.where(t[..., None] > 0, level, n)  # without water, as given to the bit
     return _lerp(_floats(eta), ETA_WATER, t), _lerp(_floats(roughness), 0, t), level
 
 
