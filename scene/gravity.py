@@ -67,6 +67,20 @@ def up_from_ground(points: Floats, nominal_up: Floats, max_tilt_deg: float = 12.
     return n if n @ up >= np.cos(np.deg2rad(max_tilt_deg)) else None
 
 
+def spread(count: int, most: int = 5) -> list[int]:
+    """Return up to `most` indices spread over `count`, the first and last among them."""
+    return sorted({round(i) for i in np.linspace(0, count - 1, min(count, most))})
+
+
+def mean_up(ups: list[NDArray[np.float64] | None]) -> NDArray[np.float64] | None:
+    """Return the mean direction of those that were found: a camber or a kerb tilts one, a whole drive hardly."""
+    found = [up for up in ups if up is not None]
+    if not found:
+        return None
+    total = np.sum(found, axis=0)
+    return total / np.linalg.norm(total)
+
+
 def up_from_cameras(R_world_camera: Floats) -> NDArray[np.float64]:
     """Return the vertical on the assumption that the photographs were taken upright.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from materials.foundation.errors import InputError
 from materials.foundation.progress import logger
 
-from .gravity import R_LEVEL_CAMERA, turn_to_z, up_from_ground
+from .gravity import R_LEVEL_CAMERA, mean_up, spread, turn_to_z, up_from_ground
 from .images import read_raw
 from .kitti_calibration import matrix, read_calibration, rectified_camera, rigid
 from .odometry import lidar_poses
@@ -43,7 +43,7 @@ def open_kitti_odometry(path: str | Path, work_folder: Path, seed: int = 0) -> R
     -------
     recording : Recording
         Colour cameras 2 and 3 if they are there, else the grey ones 0 and 1. The world is the first camera 0 turned to
-        x forward, y left, z up, and levelled by the ground in the first sweep or, without one, the first stereo pair.
+        x forward, y left, z up, and levelled by the ground along the drive, in sweeps or, without them, stereo pairs.
 
     Raises
     ------
@@ -107,27 +107,30 @@ def open_kitti_odometry(path: str | Path, work_folder: Path, seed: int = 0) -> R
     else:
         logger.info("%s: KITTI odometry, %d frames, recorded poses", folder, len(images))
     T_world_first = np.eye(4)
-    T_world_first[:3, :3] = _level(recording.frames[0], seed)
+    T_world_first[:3, :3] = _level(list(recording.frames), poses, seed)
     frames = tuple(frame_at(image, T_world_first @ T) for image, T in zip(images, poses, strict=True))
     return replace(recording, frames=frames)
 
 
-def _level(frame: Frame, seed: int) -> NDArray[np.float64]:
-    """Return the rotation from the first camera 0 to the z-up world; the frame's own pose must be about camera 0."""
-    if frame.points is not None:
-        sweep = read_points(frame.points.file)[:, :3].astype(np.float64)
-        points = sweep @ frame.points.T_world_points[:3, :3].T
-        source = "sweep"
-    elif frame.stereo is not None:
-        points = stereo_points(frame, max_depth=25.0).points_world
-        source = "stereo pair"
-    else:
-        points, source = np.zeros((0, 3)), "picture"
-    up = up_from_ground(points, np.array([0.0, -1.0, 0.0]), seed=seed)
+def _level(frames: list[Frame], T_first_cam0: list[NDArray[np.float64]], seed: int) -> NDArray[np.float64]:
+    """Return the rotation from the first camera 0 to the z-up world; the frames' own poses must be about camera 0."""
+    ups = []
+    for i in spread(len(frames)):
+        frame = frames[i]
+        if frame.points is not None:
+            sweep = read_points(frame.points.file)[:, :3].astype(np.float64)
+            points = sweep @ frame.points.T_world_points[:3, :3].T
+        elif frame.stereo is not None:
+            points = stereo_points(frame, max_depth=25.0).points_world
+        else:
+            continue
+        up = up_from_ground(points, np.array([0.0, -1.0, 0.0]), seed=seed)
+        ups.append(None if up is None else T_first_cam0[i][:3, :3] @ up)
+    up = mean_up(ups)
     if up is None:
-        logger.info("no ground plane found in the first %s: the first camera is taken to be level", source)
+        logger.info("no ground plane found: the first camera is taken to be level")
         return R_LEVEL_CAMERA
-    logger.info("levelled by the ground plane of the first %s (%.2f degrees)", source, np.rad2deg(np.arccos(min(1.0, -up[1]))))
+    logger.info("levelled by the ground planes along the drive (%.2f degrees)", np.rad2deg(np.arccos(min(1.0, -up[1]))))
     return turn_to_z(R_LEVEL_CAMERA @ up) @ R_LEVEL_CAMERA
 
 
@@ -148,6 +151,10 @@ def _read_poses(folder: Path, images: list[Path]) -> list[NDArray[np.float64]] |
         if row.size != 12:
             raise InputError("hold 12 numbers", got=row.size, file=file, key=f"line {number}")
         poses.append(rigid(row.reshape(3, 4)[:, :3], row.reshape(3, 4)[:, 3], file, f"line {number}"))
+    numbers = [int(image.stem) if image.stem.isdigit() else len(poses) for image in images]
+    if len(poses) != len(images) and max(numbers) < len(poses):
+        # Part of a sequence: images carry the numbers of their lines.
+        return [poses[number] for number in numbers]
     if len(poses) != len(images):
         raise InputError(
             f"have one line per image, {len(images)}", got=len(poses), file=file, remedy="Give the poses of this sequence."

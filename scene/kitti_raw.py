@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from materials.foundation.errors import InputError
 from materials.foundation.progress import logger
 
-from .gravity import turn_to_z, up_from_ground
+from .gravity import mean_up, spread, turn_to_z, up_from_ground
 from .kitti_calibration import matrix, read_calibration, read_rigid, rectified_camera, rigid
 from .odometry import lidar_poses
 from .points import read_points
@@ -49,7 +49,7 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
     recording : Recording
         Colour camera 2, with camera 3 as the second of a stereo pair and the sweeps where they exist. The world is z up:
         east and north of the first position if there is `oxts` (position and attitude by GPS and inertial unit); else
-        the frame of the first sweep, levelled by its ground plane, with poses by LiDAR odometry.
+        the frame of the first sweep, levelled by the ground along the drive, with poses by LiDAR odometry.
 
     Raises
     ------
@@ -111,18 +111,23 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
         logger.info("%s: KITTI raw, %d frames, poses of its GPS and inertial unit", drive, len(stems))
     else:
         logger.info("%s: KITTI raw, %d frames, no oxts: poses by LiDAR odometry", drive, len(stems))
-        poses = levelled(lidar_poses([sweeps[stem] for stem in stems], work_folder), read_points(sweeps[stems[0]])[:, :3], seed)
+        files = [sweeps[stem] for stem in stems]
+        poses = levelled(lidar_poses(files, work_folder), files, seed)
     frames = tuple(frame_at(stem, T) for stem, T in zip(stems, poses, strict=True))
     return replace(recording, frames=frames)
 
 
-def levelled(T_first_velo: list[NDArray[np.float64]], sweep: NDArray, seed: int) -> list[NDArray[np.float64]]:
-    """Turn poses about the first scanner so that the ground under it is level; kept as they are if no ground is found."""
-    up = up_from_ground(sweep, np.array([0.0, 0.0, 1.0]), seed=seed)
+def levelled(T_first_velo: list[NDArray[np.float64]], sweeps: list[Path], seed: int) -> list[NDArray[np.float64]]:
+    """Turn poses about the first scanner so that the ground along the drive is level; as they are if none is found."""
+    ups = []
+    for i in spread(len(sweeps)):
+        up = up_from_ground(read_points(sweeps[i])[:, :3], np.array([0.0, 0.0, 1.0]), seed=seed)
+        ups.append(None if up is None else T_first_velo[i][:3, :3] @ up)
+    up = mean_up(ups)
     if up is None:
-        logger.info("no ground plane found in the first sweep: the scanner is taken to be level")
+        logger.info("no ground plane found in the sweeps: the first scanner is taken to be level")
         return T_first_velo
-    logger.info("levelled by the ground plane of the first sweep (%.2f degrees)", np.rad2deg(np.arccos(min(1.0, up[2]))))
+    logger.info("levelled by the ground planes along the drive (%.2f degrees)", np.rad2deg(np.arccos(min(1.0, up[2]))))
     T = np.eye(4)
     T[:3, :3] = turn_to_z(up)
     return [T @ pose for pose in T_first_velo]
