@@ -9,7 +9,10 @@ its meaning. `model="thesis"` computes them as printed.
 | F, eq 6.2 | 1 + k d | max(0, 1 + k d) |
 | S, A, eqs 6.3, 6.4 | as printed | clamped to [0, 1] |
 | W, eq 6.5 | w M lerp(S, A, w / 2) | M clamp(w lerp(S, A, w / 2)), so that M = 0.5 never exceeds saturation |
+| d, eq 6.2 | G * H - H | shrunk by d^2 / (d^2 + n^2), with the noise n of the height map |
 | hillsides | nothing | A fades out as the slope at the scale of metres passes from 5 % to 12 % |
+
+The noise: at k = 100/m the ripples that a scanner's rings leave, 2 mm high, would show as stripes of water.
 
 Monotone in w: with F = 1 (flat ground) W rises with w at every place, since W / M is affine in S0 and A0 and its derivative
 is positive for all four corners of [0, 1]^2. On relief it need not: a place on a crest 10 cm wide is level ground at the
@@ -48,6 +51,7 @@ class WaterSettings:
     moisture_blend: float = setting(0.75, "how far w = 1 blends the moisture pattern with 0.5 (eq 6.3)")
     puddle_blend: float = setting(0.5, "how far w = 1 blends the puddle pattern with 0.5 (eq 6.4)")
     accumulation_share: float = setting(0.5, "share of accumulation in the water level at w = 1 (eq 6.5)")
+    relief_noise: float = setting(0.002, "noise of the height map [m]: differences of height below it are not believed")
     slope_scale: float = setting(2.0, "scale over which the slope of a hillside is measured, sigma [m]; above a gutter's width")
     slope_start: float = setting(0.05, "slope from which on puddles shrink, rise over run")
     slope_end: float = setting(0.12, "slope from which on no puddle stays, rise over run")
@@ -91,7 +95,7 @@ def height_factor(
         If `w` is outside [0, 1] or a map has another shape than the grid.
     """
     check_range("w", w, "[0, 1]")
-    return _factor(relief(maps, grid, settings.sigma_per_wetness * w), k, settings.model)
+    return _factor(relief(maps, grid, settings.sigma_per_wetness * w), k, settings)
 
 
 def water_level(maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings = WaterSettings()) -> NDArray[np.float32]:
@@ -128,8 +132,8 @@ def water_level(maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings 
     if w == 0:
         return np.zeros(grid.shape, np.float32)
     d = relief(maps, grid, settings.sigma_per_wetness * w)
-    S = _lerp(maps["moisture"], 0.5, settings.moisture_blend * w) * _factor(d, settings.k_sat, settings.model)
-    A = _lerp(maps["puddles"], 0.5, settings.puddle_blend * w) * _factor(d, settings.k_acc, settings.model)
+    S = _lerp(maps["moisture"], 0.5, settings.moisture_blend * w) * _factor(d, settings.k_sat, settings)
+    A = _lerp(maps["puddles"], 0.5, settings.puddle_blend * w) * _factor(d, settings.k_acc, settings)
     if settings.model == "thesis":
         return (w * maps["mask"] * _lerp(S, A, settings.accumulation_share * w)).astype(np.float32)
     A = np.clip(A, 0, 1) * _stays(maps, grid, settings)
@@ -151,9 +155,12 @@ def water_depth(
     return (np.clip(2 * W - 1, 0, 1) * (settings.texture_depth + hollow)).astype(np.float32)
 
 
-def _factor(d: NDArray[np.float32], k: float, model: str) -> NDArray[np.float32]:
-    F = 1 + np.float32(k) * d
-    return F if model == "thesis" else np.maximum(F, 0)
+def _factor(d: NDArray[np.float32], k: float, settings: WaterSettings) -> NDArray[np.float32]:
+    if settings.model == "thesis":
+        return (1 + np.float32(k) * d).astype(np.float32)
+    n2 = np.float32(settings.relief_noise) ** 2
+    believed = d * (d * d / np.maximum(d * d + n2, np.float32(1e-20)))
+    return np.maximum(1 + np.float32(k) * believed, 0).astype(np.float32)
 
 
 def _lerp(a: NDArray[np.float32], b: NDArray[np.float32] | float, t: float) -> NDArray[np.float32]:
