@@ -1,8 +1,8 @@
 """Where the water truly is in the street after a shower: hydrology on the true height field.
 
-This is the yardstick for the augmentation and shares no formula with its water map. A shower of `w` times 4 mm falls:
+This is the yardstick for the augmentation and shares no formula with its water map. A shower of `w` times 2.5 mm falls:
 
-- the first 0.3 mm are held by pores and texture (initial abstraction); pores fill as 1 - exp(-rain / 0.3 mm);
+- the first 0.4 mm are held by pores and texture (initial abstraction); pores fill as 1 - exp(-rain / 0.4 mm);
 - the excess runs down the true relief (priority flood, Barnes et al. 2014) into hollows, which fill as Linsley, Kohler
   and Paulhus (1949) have it, and out through the gully grates and the ends of the street;
 - on its way it is a sheet whose depth is that of Manning's formula for wide flow, h = (n q / sqrt(S))^(3/5);
@@ -28,8 +28,8 @@ from .relief import Relief
 
 Floats = NDArray[np.floating]
 
-SHOWER = 4.0e-3
-ABSTRACTION = 0.3e-3
+SHOWER = 2.5e-3
+ABSTRACTION = 0.4e-3
 _INTENSITY = 5e-3 / 3600
 _MANNING_N = 0.013
 _CELL = 0.04
