@@ -1,0 +1,155 @@
+"""The augmented street against the true wet street, beside two simpler ways to wet a picture.
+
+The true one is rendered from the world itself: water where the shower leaves it, wet materials, real geometry. The
+augmentation sees only the recording: photographs, LiDAR, masks, poses.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.metrics import peak_signal_noise_ratio, structural_similarity
+
+from materials.foundation.progress import stage
+from scene.build import build
+from scene.build_settings import BuildSettings
+from scene.images import encode
+from scene.recording import read_recording
+from scene.scene_file import Scene, read_scene
+from scene.street import Street, StreetSettings, street
+from scene.water import water_level
+from transport.augment import AugmentSettings, separate_frame
+from transport.contact_sheet import contact_sheet
+from transport.photograph import exposed, photograph
+from transport.projected_world import ProjectedFrame, project_frame
+from transport.render import render
+from transport.separate import Separation, water_normals
+from transport.wet import WetFrame, wet_frame
+from transport.world import compile_world
+
+from .report import Report
+
+_WETNESS = (1 / 3, 2 / 3, 1.0)
+_FRAMES = (1, 4, 6)
+_SAMPLES = 64
+_TRUE_SAMPLES = 256
+
+
+def run(report: Report) -> None:
+    """Record PSNR and SSIM of the augmentation and both baselines, over the pixels of the ground."""
+    folder = Path(report.folder) / "proof" / "wet_street"
+    world = street(StreetSettings())
+    photograph(world, folder / "recording", 128, 0)
+    build(read_recording(folder / "recording"), folder / "scene", BuildSettings())
+    scene = read_scene(folder / "scene")
+    normals = water_normals(scene.maps["height"], scene.maps["coverage"], scene.grid.cell)
+    settings = AugmentSettings(samples=_SAMPLES)
+    scores: dict[tuple[float, str], list[tuple[float, float]]] = {}
+    projected = None
+    for index in _FRAMES:
+        projected = project_frame(scene, index, projected)
+        separation = separate_frame(projected, scene, normals, settings)
+        rows = [("recorded dry", [projected.raw])]
+        for w in _WETNESS:
+            water = water_level(scene.maps, scene.grid, w, settings.water)
+            wet = wet_frame(projected, separation, water, settings.seed, settings.bounces)
+            truth = _true_picture(world, index, w, projected)
+            pictures = {
+                "augmented": wet.raw,
+                "darkened": darkened(projected, separation, wet),
+                "planar mirror": planar_mirror(projected, separation, wet),
+            }
+            for name, picture in pictures.items():
+                scores.setdefault((w, name), []).append(_score(picture, truth, projected.is_ground))
+            rows.append((f"w = {w:.2f}: true | " + " | ".join(pictures), [truth, *pictures.values()]))
+        contact_sheet(rows, folder / f"frame_{index}.png")
+        if index == _FRAMES[0]:
+            _separation_proof(report, world, index, projected, separation, folder)
+    for w in _WETNESS:
+        ours = np.mean(scores[w, "augmented"], axis=0)
+        for name in ("darkened", "planar mirror"):
+            theirs = np.mean(scores[w, name], axis=0)
+            for k, measure in enumerate(("PSNR [dB]", "SSIM")):
+                label = f"wet street w={w:.2f}: {measure} of the augmentation, above {name}"
+                report.proof(name=label, value=float(ours[k]), bound=float(theirs[k]), holds=bool(ours[k] > theirs[k]))
+    _recomposition_proof(report, scene, projected, normals, settings)
+
+
+def darkened(frame: ProjectedFrame, separation: Separation, wet: WetFrame) -> NDArray:
+    """Return the frame with the same water, darkened only."""
+    image = frame.image * (1 + np.where(separation.wanted[..., None], wet.wet.dimming, 0))
+    return encode(image, frame.encoding)
+
+
+def planar_mirror(frame: ProjectedFrame, separation: Separation, wet: WetFrame) -> NDArray:
+    """Return the darkened frame with the picture mirrored about the horizon, weighted by Fresnel and accumulation."""
+    camera = frame.camera
+    up = camera.T_camera_world[:3, :3] @ (0, 0, 1)
+    xy = camera.pixel_centres()
+    rays = np.column_stack([(xy - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(xy))])
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    cos = -(rays @ up)
+    mirrored = rays + 2 * cos[:, None] * up
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = mirrored[:, 0] / mirrored[:, 2] * camera.fx + camera.cx
+        y = mirrored[:, 1] / mirrored[:, 2] * camera.fy + camera.cy
+    inside = (mirrored[:, 2] > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
+    size = frame.image.shape
+    col, row = (np.where(inside, v, 0).astype(int) for v in (x, y))
+    reflected = np.where(inside[:, None], frame.image[row, col], 0).reshape(size)
+    r0 = ((1.33 - 1) / (1.33 + 1)) ** 2
+    fresnel = (r0 + (1 - r0) * (1 - np.clip(cos, 0, 1)) ** 5).reshape(size[:2])
+    weight = np.where(separation.wanted, wet.wet.wetness[..., 1] * fresnel, 0)[..., None]
+    image = frame.image * (1 + np.where(separation.wanted[..., None], wet.wet.dimming, 0)) + weight * reflected
+    return encode(image, frame.encoding)
+
+
+def _true_picture(world: Street, index: int, w: float, frame: ProjectedFrame) -> NDArray:
+    with stage(f"true wet street, frame {index}, w = {w:.2f}"):
+        rendering = render(compile_world(world.simulation(index, w)), frame.camera, _TRUE_SAMPLES, seed=1, clamp=8.0)
+    return encode(exposed(world, rendering.radiance), frame.encoding)
+
+
+def _score(picture: NDArray, truth: NDArray, ground: NDArray[np.bool_]) -> tuple[float, float]:
+    """Return PSNR and mean SSIM over the ground's pixels, of 8-bit pictures."""
+    psnr = peak_signal_noise_ratio(truth[ground], picture[ground], data_range=255)
+    _, ssim = structural_similarity(truth, picture, channel_axis=-1, data_range=255, full=True)
+    return float(psnr), float(ssim[ground].mean())
+
+
+def _separation_proof(
+    report: Report, world: Street, index: int, frame: ProjectedFrame, separation: Separation, folder: Path
+) -> None:
+    """Compare the separated specular layer with the true one: the ground's own lobes in the true, dry world."""
+    true = render(compile_world(world.simulation(index)), frame.camera, _TRUE_SAMPLES, seed=2, specular_only=True, clamp=8.0)
+    layer = exposed(world, true.radiance)
+    ground = separation.share == 1
+    ours = separation.scale * separation.specular
+    error = float(np.sqrt(np.mean((ours - layer)[ground] ** 2)))
+    # What one would believe without separating: no specular light at all.
+    nothing = float(np.sqrt(np.mean(layer[ground] ** 2)))
+    report.proof(name="separated specular layer: RMSE, below that of no separation", value=error, bound=nothing, holds=error < nothing)
+    shown = [np.rint(255 * np.clip(4 * np.where(ground[..., None], v, 0), 0, 1) ** (1 / 2.2)).astype(np.uint8) for v in (ours, layer)]
+    contact_sheet([("specular layer of the ground (x 4): separated | true", shown)], folder / "specular_layer.png")
+
+
+def _recomposition_proof(
+    report: Report, scene: Scene, frame: ProjectedFrame | None, normals: NDArray[np.float32], settings: AugmentSettings
+) -> None:
+    """Recompose at w = 0 with the specular light of a second seed: only the predicted Monte Carlo noise may remain."""
+    from dataclasses import replace
+
+    assert frame is not None
+    first = separate_frame(frame, scene, normals, settings)
+    second = separate_frame(frame, scene, normals, replace(settings, seed=settings.seed + 1))
+    ground = first.share == 1
+    z = (first.specular - second.specular)[ground] / np.sqrt((first.variance + second.variance)[ground] + 1e-20)
+    # Scrambled Sobol points only lower the variance that independent samples predict: z has a deviation of at most 1.
+    deviation = float(np.sqrt(np.mean(z**2)))
+    report.proof(name="recomposition at w = 0, second seed: deviation over prediction", value=deviation, bound=1.0, holds=deviation <= 1.0)
+    clamped = first.clamped_share
+    report.proof(name="share of the ground's pixels clamped (reported)", value=clamped, bound=1.0, holds=True)
+
+
