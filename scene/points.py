@@ -105,7 +105,8 @@ def write_points(path: str | Path, points: NDArray) -> None:
 
 def _npz(path: Path) -> NDArray:
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here: NumPy leaves the file open if it turns out to be no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             if "points" not in archive:
                 raise InputError("hold an array `points`", got=", ".join(archive.files) or "nothing", file=path)
             points = archive["points"]
