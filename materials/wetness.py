@@ -292,9 +292,9 @@ def _per_channel(values: Floats, albedo: Floats) -> Floats:
     return values[..., None] if is_map else values
 
 
-def _lerp(a: ArrayLike, b: ArrayLike, t: Floats) -> Floats:
+def _lerp(a: float | Floats, b: float | Floats, t: Floats) -> Floats:
     # exact at t = 0, where a dry surface must come back to the bit
-    return np.asarray(a + (np.asarray(b) - a) * t)
+    return np.asarray(a + (b - a) * t)
 
 
 def _floats(value: ArrayLike) -> Floats:

@@ -3,4 +3,4 @@
 import numba
 
 # OpenMP before TBB: the TBB that embreex brings is older than Numba asks for, which it would warn about at each start.
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]  # pyright: ignore[reportAttributeAccessIssue]
