@@ -1,0 +1,170 @@
+"""The command `augment`: what it writes, in which format, and what it says of bad input."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from scene.images import Encoding, decode, read_exr, read_raw, write_raw
+from scene.scene_file import write_scene
+from transport.augment import AugmentSettings, augment
+from transport.cli import main
+
+from .plain_street import camera, plain_street
+
+
+@pytest.fixture(scope="module")
+def scene_folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scene")
+    scene = plain_street(folder, views=[camera(width=80, height=34), camera(y=-4.5, width=80, height=34)])
+    write_scene(folder, scene)
+    return folder
+
+
+def run(scene_folder, output, *flags: str) -> int:
+    return main([str(scene_folder), "-o", str(output), "--samples", "4", "--quiet", *flags])
+
+
+def test_each_wetness_gets_pictures_layers_labels_and_a_record(scene_folder, tmp_path):
+    assert run(scene_folder, tmp_path, "--wetness", "0.5,1") == 0
+    for name in ("w0.50", "w1.00"):
+        for frame in ("0000", "0001"):
+            raw = read_raw(tmp_path / name / "image" / f"{frame}.png")
+            assert raw.shape == (34, 80, 3) and raw.dtype == np.uint8
+            layers = read_exr(tmp_path / name / "layers" / f"{frame}.exr")
+            wanted = {
+                "R",
+                "specular_dry.R",
+                "specular_wet.R",
+                "diffuse_wet.B",
+                "water.level",
+                "water.saturation",
+                "water.accumulation",
+            }
+            assert wanted | {"roughness.Y", "normal.X", "depth.Z", "id.instance"} <= set(layers)
+            for label in ("ground", "saturation", "accumulation", "changed"):
+                assert read_raw(tmp_path / name / "label" / label / f"{frame}.png").shape == (34, 80)
+        record = json.loads((tmp_path / name / "augment.json").read_text())
+        assert record["wetness"] == float(name[1:]) and record["settings"]["samples"] == 4 and record["settings"]["seed"] == 0
+        assert {row["frame"] for row in record["frames"]} == {"0000", "0001"} and record["versions"]["numpy"]
+    assert (tmp_path / "contact_sheet.png").exists()
+
+
+def test_the_layers_sum_to_the_picture_on_the_ground(scene_folder, tmp_path):
+    assert run(scene_folder, tmp_path, "--wetness", "1", "--frames", "0") == 0
+    layers = read_exr(tmp_path / "w1.00" / "layers" / "0000.exr")
+    ground = layers["ground.A"] == 1
+    for c in "RGB":
+        total = layers[f"diffuse_wet.{c}"] + layers[f"specular_wet.{c}"]
+        assert np.allclose(total[ground], layers[c][ground], atol=5e-7)
+    picture = decode(read_raw(tmp_path / "w1.00" / "image" / "0000.png"), "srgb")
+    # Half an 8-bit level is at most 0.5 / 255 * 2.4 / 1.055 of linear light, at white.
+    assert np.abs(picture[..., 0] - np.clip(layers["R"], 0, 1)).max() <= 0.5 / 255 * 2.4 / 1.055 + 1e-6
+
+
+def test_dry_frames_are_the_input_to_the_bit(scene_folder, tmp_path):
+    assert run(scene_folder, tmp_path, "--wetness", "0") == 0
+    for frame in ("0000", "0001"):
+        given = read_raw(scene_folder / "recording" / f"{frame}.png")
+        assert np.array_equal(read_raw(tmp_path / "w0.00" / "image" / f"{frame}.png"), given)
+        assert not read_raw(tmp_path / "w0.00" / "label" / "changed" / f"{frame}.png").any()
+
+
+def test_the_same_seed_writes_the_same_bytes(scene_folder, tmp_path):
+    for name in ("a", "b"):
+        assert run(scene_folder, tmp_path / name, "--frames", "1", "--seed", "3") == 0
+    for file in ("image/0001.png", "layers/0001.exr"):
+        assert (tmp_path / "a" / "w1.00" / file).read_bytes() == (tmp_path / "b" / "w1.00" / file).read_bytes()
+
+
+@pytest.mark.parametrize(
+    "encoding",
+    [Encoding(".png", "uint16", 3, "srgb"), Encoding(".png", "uint8", 1, "srgb"), Encoding(".exr", "float32", 3, "linear")],
+)
+def test_the_output_has_the_inputs_format_depth_and_channels(tmp_path, encoding):
+    scene = plain_street(tmp_path / "in", views=[camera(width=80, height=34)], encoding=encoding)
+    augment(scene, [0], [1.0], AugmentSettings(samples=2), tmp_path / "out")
+    given = read_raw(scene.recording.frames[0].image)
+    made = read_raw(tmp_path / "out" / "w1.00" / "image" / f"0000{encoding.suffix}")
+    assert made.dtype == given.dtype and made.shape == given.shape
+    assert not np.array_equal(made, given)
+
+
+def test_a_noise_target_adds_samples_until_it_is_met(tmp_path):
+    scene = plain_street(tmp_path / "in", views=[camera(width=80, height=34)])
+    settings = AugmentSettings(samples=2, noise=0.15)
+    row = augment(scene, [0], [1.0], settings, tmp_path / "out")[0]
+    assert row["samples"] > 2
+    coarse = augment(scene, [0], [1.0], AugmentSettings(samples=2), tmp_path / "out")[0]
+    assert row["standard_error_levels"] < coarse["standard_error_levels"]
+
+
+def test_masks_pass_through_unchanged(tmp_path):
+    mask = np.zeros((34, 80), np.uint8)
+    mask[10:14, 5:9] = 3
+    scene = plain_street(tmp_path / "in", views=[camera(width=80, height=34)], masks=[mask])
+    augment(scene, [0], [1.0], AugmentSettings(samples=2), tmp_path / "out")
+    given = scene.recording.frames[0].masks
+    assert given is not None
+    assert (tmp_path / "out" / "w1.00" / "truth" / "mask" / "0000.png").read_bytes() == given.file.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("flags", "words"),
+    [
+        (["--wetness", "1.5"], r"wetness must lie in \[0, 1\], got 1.5"),
+        (["--wetness", "much"], "--wetness must be numbers separated by commas, got much"),
+        (["--samples", "0"], r"samples must lie in \[1, 65536\], got 0"),
+        (["--frames", "7"], "--frames must be A:B within 0:2, got 7"),
+        (["--settings", "nowhere.toml"], "nowhere.toml: it must exist"),
+    ],
+)
+def test_bad_options_are_named_and_nothing_is_written(scene_folder, tmp_path, capsys, flags, words):
+    import re
+
+    assert main([str(scene_folder), "-o", str(tmp_path / "out"), "--quiet", *flags]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("meniscus: ") and re.search(words, error), error
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_is_no_scene_says_how_to_make_one(tmp_path, capsys):
+    assert main([str(tmp_path), "-o", str(tmp_path / "out"), "--quiet"]) == 2
+    assert "Build it with scene-build RECORDING -o SCENE." in capsys.readouterr().err
+
+
+def test_a_truncated_picture_is_named(tmp_path, capsys):
+    scene = plain_street(tmp_path, views=[camera(width=80, height=34)])
+    write_scene(tmp_path, scene)
+    image = scene.recording.frames[0].image
+    image.write_bytes(image.read_bytes()[:-40])
+    assert run(tmp_path, tmp_path / "out") == 2
+    assert "0000.png: it must be a whole PNG" in capsys.readouterr().err
+
+
+def test_a_mask_of_another_size_is_refused(tmp_path, capsys):
+    scene = plain_street(tmp_path, views=[camera(width=80, height=34)], masks=[np.zeros((34, 80), np.uint8)])
+    write_scene(tmp_path, scene)
+    given = scene.recording.frames[0].masks
+    assert given is not None
+    write_raw(given.file, np.zeros((30, 80), np.uint8))
+    assert run(tmp_path, tmp_path / "out") == 2
+    assert "must have the image's size 80 x 34, got 80 x 30" in capsys.readouterr().err
+
+
+def test_an_unwritable_place_is_named(scene_folder, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    assert run(scene_folder, tmp_path / "file") == 2
+    assert "must be a folder, got a file" in capsys.readouterr().err
+
+
+def test_settings_tables_reach_the_water_and_the_relief(scene_folder, tmp_path, capsys):
+    (tmp_path / "s.toml").write_text("porosity = 0.5\n[water]\nk_acc = 50.0\n[relief]\nbump_height = 0.001\n")
+    assert run(scene_folder, tmp_path / "out", "--settings", str(tmp_path / "s.toml"), "--frames", "0") == 0
+    settings = json.loads((tmp_path / "out" / "w1.00" / "augment.json").read_text())["settings"]
+    assert (settings["porosity"], settings["water"]["k_acc"], settings["relief"]["bump_height"]) == (0.5, 50.0, 0.001)
+    (tmp_path / "s.toml").write_text("[water]\nk_ac = 50.0\n")
+    assert run(scene_folder, tmp_path / "out", "--settings", str(tmp_path / "s.toml")) == 2
+    assert "water.k_ac must be a known setting" in capsys.readouterr().err
