@@ -7,15 +7,13 @@ frame's own sweep tells how the vehicle stands.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from materials.foundation.settings import setting
-
+from .build_settings import CardboardSettings
 from .camera import Camera
 from .dynamics import instance_mask
 from .mesh import Mesh
@@ -23,16 +21,6 @@ from .recording import Frame
 from .scene_file import Cardboard
 
 Floats = NDArray[np.floating]
-
-
-@dataclass(frozen=True)
-class CardboardSettings:
-    """How moving objects become boards."""
-
-    board_margin: float = setting(0.05, "boards reach this far beyond the mask [m]")
-    board_pixels: int = setting(40, "smaller masks give no board [px]")
-    board_range: float = setting(120.0, "boards further away than this are left out [m]")
-    board_tilt_deg: float = setting(80.0, "largest angle between a vehicle's board and the image plane [deg]")
 
 
 class GroundCaster:

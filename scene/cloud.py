@@ -12,32 +12,16 @@ from scipy.spatial import cKDTree
 from materials.foundation.errors import InputError
 from materials.foundation.files import replacing
 from materials.foundation.progress import logger, stage, tracked
-from materials.foundation.settings import setting
 
 from . import dynamics
-from .dynamics import DynamicsSettings
-from .ground import GroundSettings, split_ground
+from .build_settings import CloudSettings, DynamicsSettings, GroundSettings
+from .ground import split_ground
 from .points import read_points, read_points_far
 from .recording import Recording
 from .transforms import transform_points
 
 Floats = NDArray[np.floating]
 MAX_COORDINATE = 2000.0  # float32 resolves 0.1 mm up to here
-
-
-@dataclass(frozen=True)
-class CloudSettings:
-    """What is kept of the sweeps."""
-
-    ego_radius: float = setting(2.6, "returns nearer to the scanner than this, seen from above, are its own vehicle [m]")
-    max_range: float = setting(80.0, "returns beyond this range are dropped [m]")
-    voxel: float = setting(0.03, "points are thinned to one per cube of this size near the path [m]")
-    voxel_range: float = setting(
-        8.0, "the size of the cubes doubles at this distance from the path, and at every doubling of it [m]"
-    )
-    stray_distance: float = setting(0.3, "a point whose 6th neighbour is further away than this is a stray [m]")
-    stray_per_metre: float = setting(0.015, "and this much more per metre of range [1]")
-    stereo: bool = setting(True, "stereo fills what no scanner saw, where a second camera was recorded")
 
 
 @dataclass(frozen=True)
@@ -204,6 +188,7 @@ def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_setti
         through[driven & ~is_ground] += 2 * dynamics_settings.free_space_votes
         gone = dynamics.moving(points, through, agree, is_ground, dynamics_settings)
         counts["seen through, removed"] = int(gone.sum())
+        gone |= dynamics.remnants(points, is_ground | gone)
         points, sweep = points[~gone], sweep[~gone]
     else:
         logger.info("free-space votes need more than %d sweeps, got %d", dynamics_settings.free_space_votes, len(frames))

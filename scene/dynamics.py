@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import grey_dilation
+from scipy.spatial import cKDTree
 
 from materials.foundation.errors import InputError
 from materials.foundation.progress import tracked
-from materials.foundation.settings import setting
 
+from .build_settings import DynamicsSettings
 from .images import read_raw
 from .kernels import free_space
 from .recording import Frame
@@ -22,18 +22,6 @@ from .transforms import invert
 Floats = NDArray[np.floating]
 # Wider than the spacing of common scanners' beams (0.2 to 0.45 degrees), so that a 3 x 3 window always holds some.
 STEP = math.radians(0.4)
-
-
-@dataclass(frozen=True)
-class DynamicsSettings:
-    """What counts as moved."""
-
-    mask_dilation: int = setting(3, "masks of moving objects are widened by this much before points are removed [px]")
-    object_length: float = setting(8.0, "points this far behind the nearest point of a masked object still belong to it [m]")
-    free_space_margin: float = setting(0.3, "a beam must pass a point by this much to say that its place is free [m]")
-    free_space_votes: int = setting(2, "sweeps that must have seen through a point before it is called moving")
-    free_space_share: float = setting(0.3, "and their share among all sweeps that saw the place [0 to 1]")
-    free_space_range: float = setting(50.0, "beams beyond this range do not vote [m]")
 
 
 def on_masked_objects(points_world: Floats, frame: Frame, settings: DynamicsSettings | None = None) -> NDArray[np.bool_]:
@@ -129,12 +117,13 @@ def free_space_votes(
 
 
 def on_driven_path(
-    points_world: Floats, path_world: Floats, half_width: float = 0.9, height: float = 1.2, before: float = 12.0
+    points_world: Floats, path_world: Floats, half_width: float = 0.9, height: float = 1.2, before: float = 12.0, ahead: float = 2.5
 ) -> NDArray[np.bool_]:
     """Return which points lie where the recording vehicle itself has driven: what is there now has moved.
 
     Traffic that follows the vehicle hides its own earlier places from the scanner, so no beam can vote on them. The path
-    is continued straight back by `before` metres from where the recording starts, if the vehicle was under way.
+    is continued straight back by `before` metres from where the recording starts, if the vehicle was under way, and by
+    `ahead` from where it ends: so far its bonnet reaches beyond the scanner.
 
     Parameters
     ----------
@@ -149,6 +138,9 @@ def on_driven_path(
     start = path[0] - path[1]
     if np.linalg.norm(start) > 0.3:
         path = np.concatenate([[path[0] + start / np.linalg.norm(start) * before], path])
+    end = path[-1] - path[-2]
+    if np.linalg.norm(end) > 0.05:
+        path = np.concatenate([path, [path[-1] + end / np.linalg.norm(end) * ahead]])
     for a, b in pairwise(path):
         along = b - a
         length = np.linalg.norm(along[:2])
@@ -202,6 +194,25 @@ def moving(
     compact = (extent[:, :2].max(axis=1) < 14.0) & (extent[:, 2] < 4.5)
     whole = compact & (gone > 0.4 * size)
     out[members] |= whole[thing]
+    return out
+
+
+def remnants(points_world: Floats, is_ground: NDArray[np.bool_], lowest: float = 0.4) -> NDArray[np.bool_]:
+    """Return which points belong to things that end below `lowest` above the ground [m].
+
+    They are what beams could not vote on when a vehicle went: its sill and wheels, seen against the road.
+    """
+    out = np.zeros(len(points_world), bool)
+    members = np.flatnonzero(~is_ground)
+    if len(members) == 0 or not is_ground.any():
+        return out
+    ground = points_world[is_ground]
+    away, nearest = cKDTree(ground[:, :2]).query(points_world[members, :2], distance_upper_bound=2.0)
+    above = np.where(np.isfinite(away), points_world[members, 2] - ground[np.minimum(nearest, len(ground) - 1), 2], np.inf)
+    thing = _things(points_world[members])
+    top = np.full(thing.max() + 1, -np.inf)
+    np.maximum.at(top, thing, above)
+    out[members] = (top < lowest)[thing]
     return out
 
 

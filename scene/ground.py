@@ -7,31 +7,17 @@ stay out, whatever the ground does in the large.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from materials.foundation.errors import InputError
-from materials.foundation.settings import setting
 
+from .build_settings import GroundSettings
 from .grid import GroundGrid
 from .kernels import ground_growth
 
 Floats = NDArray[np.floating]
-
-
-@dataclass(frozen=True)
-class GroundSettings:
-    """How ground is told from the environment."""
-
-    ground_cell: float = setting(0.4, "grid of lowest heights on which the ground is grown [m]")
-    ground_step: float = setting(0.17, "largest step within the ground, a kerb [m]")
-    ground_foot_step: float = setting(0.08, "largest step to ground below something taller [m]")
-    ground_step_per_metre: float = setting(0.03, "how much more a step may be per metre of gap in the data [1]")
-    ground_slope: float = setting(0.25, "steepest ground [1]")
-    ground_below: float = setting(0.12, "points this far below the ground are noise [m]")
 
 
 def split_ground(points_world: Floats, path_world: Floats, settings: GroundSettings | None = None) -> NDArray[np.bool_]:

@@ -22,29 +22,13 @@ from scipy.spatial import cKDTree
 
 from materials.foundation.errors import InputError
 from materials.foundation.progress import tracked
-from materials.foundation.settings import setting
 
+from .build_settings import HeightFieldSettings
 from .kernels import height_field as kernel
 
 Floats = NDArray[np.floating]
 BLOCK = 8  # nodes per block side; a block has one resolution
 LEVELS = 4  # cells of 1, 2, 4 and 8 nodes
-
-
-@dataclass(frozen=True)
-class HeightFieldSettings:
-    """How the ground is fitted."""
-
-    surface_cell: float = setting(0.1, "finest cell of the ground mesh [m]")
-    surface_near: float = setting(14.0, "distance from the path up to which cells are finest; they double at each doubling [m]")
-    surface_noise: float = setting(0.015, "standard deviation of a ground point's height [m]")
-    surface_stiffness: float = setting(5000.0, "resistance to bending [1/m^2 of squared slope change per m]")
-    surface_break: float = setting(
-        0.02, "a change of height between neighbouring cells from which on it is a kerb rather than noise [m]"
-    )
-    hole_size: float = setting(2.0, "holes up to this width are closed near the path [m]")
-    hole_area: float = setting(25.0, "and enclosed holes, below parked vehicles, up to this area [m^2]")
-    piece_area: float = setting(12.0, "pieces of ground smaller than this are dropped [m^2]")
 
 
 @dataclass(frozen=True)

@@ -2,36 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from materials.foundation.errors import InputError
 from materials.foundation.progress import stage
-from materials.foundation.settings import setting
 
+from .build_settings import HeightFieldSettings, SurfaceSettings
 from .ground_mesh import edge_components, triangulate
-from .height_field import HeightField, HeightFieldSettings, fit_height_field
+from .height_field import HeightField, fit_height_field
 from .mesh import Mesh
 
 Floats = NDArray[np.floating]
-
-
-@dataclass(frozen=True)
-class SurfaceSettings:
-    """How meshes are reconstructed."""
-
-    ground_method: str = setting(
-        "height-field", "ground by a height field, or by screened Poisson", choices=("height-field", "poisson")
-    )
-    ground_depth: int = setting(0, "octree depth of the ground's Poisson reconstruction (0 = by point spacing, at most 13)")
-    environment_depth: int = setting(0, "octree depth of the environment's (0 = by point spacing, at most 12)")
-    normal_neighbours: int = setting(20, "neighbours for a normal")
-    trim_density: float = setting(0.02, "share of the least supported vertices that is cut off [0 to 1]")
-    trim_distance: float = setting(4.0, "faces further from any point than this many times the local point spacing are cut off [1]")
-    smallest_piece: int = setting(60, "pieces of the environment with fewer triangles are dropped")
 
 
 def normals(points_world: Floats, *, up: bool = False, towards: Floats | None = None, neighbours: int = 20) -> NDArray[np.float64]:
