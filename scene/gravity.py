@@ -29,7 +29,7 @@ def up_from_ground(points: Floats, nominal_up: Floats, max_tilt_deg: float = 12.
     Returns
     -------
     up : (3,) float64 or None
-        Unit normal; None if no plane below the sensor holds at least a tenth of the near points.
+        Unit normal; None if no plane below the sensor holds at least a fifth of the near points.
 
     Notes
     -----
@@ -59,7 +59,7 @@ def up_from_ground(points: Floats, nominal_up: Floats, max_tilt_deg: float = 12.
         inlier = np.abs((p - a) @ n) < 0.08
         if inlier.sum() > best_count:
             best, best_count = inlier, int(inlier.sum())
-    if best_count < 0.1 * len(p):
+    if best_count < 0.2 * len(p):
         return None
     q = p[best] - p[best].mean(axis=0)
     n = np.linalg.svd(q, full_matrices=False)[2][2]

@@ -35,8 +35,10 @@ def as_pose(matrix: ArrayLike, key: str = "pose") -> NDArray[np.float64]:
     if error > 1e-3 or np.linalg.det(R) < 0:
         got = f"determinant {np.linalg.det(R):.4g}, R R^T off the identity by {error:.2g}"
         raise InputError("be a rigid pose (rotation and translation)", got=got, key=key, remedy="Remove scale, shear or mirroring.")
-    U, _, Vt = np.linalg.svd(R)
-    T[:3, :3] = U @ Vt
+    # What is orthonormal to rounding stays as it is, so that a pose written and read again is the same to the bit.
+    if error > 1e-12:
+        U, _, Vt = np.linalg.svd(R)
+        T[:3, :3] = U @ Vt
     return T
 
 
@@ -60,12 +62,24 @@ def transform_vectors(T_a_b: Floats, vectors_b: Floats) -> NDArray[np.float64]:
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike = (0, 0, 1)) -> NDArray[np.float64]:
-    """Return `T_world_camera` of a camera (x right, y down, z forward) at `eye` that looks at `target`."""
+    """Return `T_world_camera` of a camera (x right, y down, z forward) at `eye` that looks at `target`.
+
+    Raises
+    ------
+    InputError
+        If eye and target coincide, or the view is along `up`, so that nothing tells right from left.
+    """
     eye, target, up = (np.asarray(v, dtype=np.float64) for v in (eye, target, up))
     z = target - eye
-    z = z / np.linalg.norm(z)
+    distance = np.linalg.norm(z)
+    if not distance > 0:
+        raise InputError("differ from eye", got=target.tolist(), key="target")
+    z = z / distance
     x = np.cross(z, up)
-    x = x / np.linalg.norm(x)
+    sine = np.linalg.norm(x)
+    if not sine > 1e-9 * np.linalg.norm(up):
+        raise InputError("not be parallel to the view", got=up.tolist(), key="up", remedy="Give another direction.")
+    x = x / sine
     T = np.eye(4)
     T[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1)
     T[:3, 3] = eye

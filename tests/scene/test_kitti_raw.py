@@ -36,7 +36,8 @@ def make_drive(root: Path, num_frames: int = 3, oxts: bool = True) -> Path:
     for name in ("image_02", "image_03", "velodyne_points", "oxts") if oxts else ("image_02", "image_03", "velodyne_points"):
         (drive / name / "data").mkdir(parents=True)
     (date / "calib_cam_to_cam.txt").write_text(
-        f"calib_time: 09-Jan-2012 13:57:47\nS_rect_02: {WIDTH} {HEIGHT}\nR_rect_00: {words(R_RECT)}\nP_rect_02: {words(P2)}\nP_rect_03: {words(P3)}\n"
+        f"calib_time: 09-Jan-2012 13:57:47\nS_rect_02: {WIDTH} {HEIGHT}\nR_rect_00: {words(R_RECT)}\n"
+        f"P_rect_02: {words(P2)}\nP_rect_03: {words(P3)}\n"
     )
     (date / "calib_velo_to_cam.txt").write_text(f"R: {words(R_VELO)}\nT: {words(T_VELO)}\n")
     (date / "calib_imu_to_velo.txt").write_text(f"R: 1 0 0 0 1 0 0 0 1\nT: {words([-0.81, 0.32, -0.8])}\n")
@@ -93,7 +94,7 @@ def test_the_second_camera_stands_a_baseline_to_the_right(tmp_path: Path) -> Non
 def test_several_drives_need_a_name(tmp_path: Path) -> None:
     drive = make_drive(tmp_path)
     shutil.copytree(drive, drive.with_name("2011_09_26_drive_0002_sync"))
-    with pytest.raises(InputError, match="hold one drive, got 2011_09_26_drive_0001_sync, 2011_09_26_drive_0002_sync"):
+    with pytest.raises(InputError, match=r"hold one drive, got 2011_09_26_drive_0001_sync, 2011_09_26_drive_0002_sync"):
         open_kitti_raw(tmp_path, tmp_path / "work")
     assert open_kitti_raw(drive, tmp_path / "work").name == "2011_09_26_drive_0001_sync"
 
@@ -112,7 +113,7 @@ def test_bad_drives_are_refused_by_file(tmp_path: Path) -> None:
     calibration.write_text(text.replace("R_rect_00: 9.99", "R_rect_00: 8.99"))
     with pytest.raises(InputError, match=r"R_rect_00 must be a rigid pose"):
         open_kitti_raw(drive, tmp_path / "work")
-    with pytest.raises(InputError, match="hold calib_cam_to_cam.txt"):
+    with pytest.raises(InputError, match=r"hold calib_cam_to_cam.txt"):
         open_kitti_raw(tmp_path / "nothing", tmp_path / "work")
     (tmp_path / "bad.txt").write_text("49 8 110 0 0")
     with pytest.raises(InputError, match="begin with lat"):
