@@ -47,13 +47,14 @@ class GroundGrid:
 
     def centres(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return world x and y (rows, cols) of the cells' centres [m]."""
-        x = self.x_min + (np.arange(self.cols) + 0.5) * self.cell
-        y = self.y_min + (np.arange(self.rows) + 0.5) * self.cell
+        x: NDArray[np.float64] = self.x_min + (np.arange(self.cols, dtype=np.float64) + 0.5) * self.cell
+        y: NDArray[np.float64] = self.y_min + (np.arange(self.rows, dtype=np.float64) + 0.5) * self.cell
         X, Y = np.meshgrid(x, y)
         return X, Y
 
     def position(self, points_world: Floats) -> NDArray[np.float64]:
         """Return fractional (row, col) (N, 2) of world points; cell (0, 0) has its centre at (0, 0)."""
+        points_world = np.asarray(points_world, dtype=np.float64)
         row = (points_world[:, 1] - self.y_min) / self.cell - 0.5
         col = (points_world[:, 0] - self.x_min) / self.cell - 0.5
         return np.column_stack([row, col])

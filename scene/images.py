@@ -6,6 +6,8 @@ image can be written as its input was. Colour is RGB throughout (OpenCV's BGR ne
 
 from __future__ import annotations
 
+import errno
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -66,7 +68,10 @@ def read_image(path: str | Path, response: str | None = None) -> tuple[NDArray[n
     raw = read_raw(path)
     default = "linear" if raw.dtype in (np.float32, np.float16) else "srgb"
     encoding = Encoding(Path(path).suffix.lower(), str(raw.dtype), 1 if raw.ndim == 2 else 3, response or default)
-    linear = decode(raw, encoding.response)
+    try:
+        linear = decode(raw, encoding.response)
+    except InputError as error:
+        raise error.at(file=path) from error
     if linear.ndim == 2:
         linear = np.repeat(linear[..., None], 3, axis=2)
     return linear, encoding
@@ -88,11 +93,7 @@ def read_raw(path: str | Path) -> NDArray:
         name = next((n for n in ("Y", "Z", "V") if n in layers), next(iter(layers)))
         return layers[name]
     data = _bytes(path)
-    # OpenCV reads a truncated PNG or JPEG without complaint and fills the rest with grey, so look at its end ourselves.
-    if data[:8] == b"\x89PNG\r\n\x1a\n" and b"IEND" not in data[-16:]:
-        raise InputError("be a whole PNG", got="a truncated one", file=path, remedy="Copy the file again.")
-    if data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]:
-        raise InputError("be a whole JPEG", got="a truncated one", file=path, remedy="Copy the file again.")
+    _check_whole(data, path)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION) if data else None
     if image is None:
         raise InputError("be an image", got="something that cannot be decoded", file=path, remedy="Give PNG, JPEG, TIFF or EXR.")
@@ -105,6 +106,8 @@ def decode(raw: NDArray, response: str) -> NDArray[np.float32]:
     """Turn stored numbers into linear values; integers are first scaled to [0, 1]."""
     if response not in RESPONSES:
         raise InputError(f"be one of {', '.join(RESPONSES)}", got=response, key="response")
+    if raw.dtype not in (np.uint8, np.uint16, np.float16, np.float32, np.float64):
+        raise InputError("have 8- or 16-bit integer or floating-point pixels", got=raw.dtype, key="an image")
     if raw.dtype == np.uint8:
         # Every decoding of a byte is one of 256 values; a table makes it fast and identical everywhere.
         table = np.arange(256, dtype=np.float64) / 255
@@ -139,9 +142,15 @@ def write_raw(path: str | Path, raw: NDArray) -> None:
         write_exr(path, dict(zip("RGB", np.moveaxis(raw, -1, 0), strict=True)) if raw.ndim == 3 else {"Y": raw})
         return
     options = [cv2.IMWRITE_JPEG_QUALITY, 98] if path.suffix.lower() in (".jpg", ".jpeg") else []
+    if not path.suffix or not cv2.haveImageWriter(path.suffix):
+        raise InputError("have a suffix that names an image format", got=path.suffix, file=path, remedy="Use .png or .exr.")
+    allowed = (np.uint8,) if options else (np.uint8, np.uint16)
+    if raw.dtype not in allowed:  # OpenCV would turn other numbers into bytes
+        names = " or ".join(np.dtype(kind).name for kind in allowed)
+        raise InputError(f"hold {names} pixels", got=raw.dtype, file=path, remedy="Write floats as .exr.")
     done, data = cv2.imencode(path.suffix, raw[..., ::-1] if raw.ndim == 3 else raw, options)
     if not done:
-        raise InputError("have a suffix that names an image format", got=path.suffix, file=path, remedy="Use .png or .exr.")
+        raise InputError(f"hold an image that {path.suffix} can store", got=raw.shape, file=path)
     with replacing(path) as temporary:
         temporary.write_bytes(data.tobytes())
 
@@ -156,14 +165,16 @@ def read_exr(path: str | Path) -> dict[str, NDArray]:
     """
     import OpenEXR
 
-    data = _bytes(Path(path))
-    if data[:4] != b"\x76\x2f\x31\x01":
+    if _bytes(Path(path), 4) != b"\x76\x2f\x31\x01":
         raise InputError("be an OpenEXR file", got="something else", file=path)
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
             return {name: np.array(channel.pixels) for name, channel in file.channels().items()}
     except (RuntimeError, ValueError, OSError) as error:
-        raise InputError("be a whole OpenEXR file", got=error, file=path, remedy="Copy or render the file again.") from error
+        # The library's own words ("file has 0 parts") mislead: it has read a sound header and broken pixels.
+        raise InputError(
+            "be a whole OpenEXR file", got="a truncated or damaged one", file=path, remedy="Copy or render the file again."
+        ) from error
 
 
 def write_exr(path: str | Path, channels: dict[str, NDArray], header: dict[str, object] | None = None) -> None:
@@ -177,12 +188,35 @@ def write_exr(path: str | Path, channels: dict[str, NDArray], header: dict[str, 
     pixels = {n: np.ascontiguousarray(c if c.dtype in kept else c.astype(np.float32)) for n, c in channels.items()}
     head = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **(header or {})}
     with replacing(path) as temporary, OpenEXR.File(head, pixels) as file:
-        file.write(str(temporary))
+        try:
+            file.write(str(temporary))
+        except RuntimeError as error:  # the library does not say which failure of the disk it met
+            raise OSError(errno.EIO, "a failing write (is the disk full?)", str(temporary)) from error
 
 
-def _bytes(path: Path) -> bytes:
+def _check_whole(data: bytes, path: Path) -> None:
+    """Refuse a truncated PNG or JPEG, which OpenCV reads without complaint and fills with grey."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n":
+        kind, whole = "PNG", b"IEND" in data[-16:]
+    elif data[:2] == b"\xff\xd8":
+        kind, whole = "JPEG", b"\xff\xd9" in data[-64:]
+    else:
+        return
+    if not whole:
+        # Cameras and phones append data of their own after the end of the picture, so decode once more, strictly.
+        from PIL import Image
+
+        try:
+            with Image.open(io.BytesIO(data)) as image:
+                image.load()
+        except (OSError, SyntaxError, ValueError) as error:
+            raise InputError(f"be a whole {kind}", got="a truncated one", file=path, remedy="Copy the file again.") from error
+
+
+def _bytes(path: Path, count: int = -1) -> bytes:
     try:
-        return path.read_bytes()
+        with path.open("rb") as file:
+            return file.read(count)
     except FileNotFoundError as error:
         raise InputError("exist", file=path, remedy="Check the path.") from error
 

@@ -62,6 +62,8 @@ class Mesh:
 
 def join(meshes: list[Mesh]) -> Mesh:
     """Return one mesh of several; normals and uv are kept if all have them, attributes if all share their names."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32))
     offsets = np.cumsum([0] + [len(m.vertices) for m in meshes[:-1]])
     names = set.intersection(*(set(m.attributes) for m in meshes))
     return Mesh(
@@ -141,5 +143,6 @@ def _faces(data, num_vertices: int, path: str | Path) -> NDArray[np.uint32]:
             raise InputError("have triangles only", got=f"faces of {sorted(lengths)} vertices", file=path, remedy="Triangulate it.")
         lists = np.stack(lists)
     if lists.min() < 0 or lists.max() >= num_vertices:
-        raise InputError(f"refer to vertices 0 to {num_vertices - 1}", got=int(lists.max()), file=path, key="vertex_indices")
+        got = int(lists.min()) if lists.min() < 0 else int(lists.max())
+        raise InputError(f"refer to vertices 0 to {num_vertices - 1}", got=got, file=path, key="vertex_indices")
     return lists.astype(np.uint32)

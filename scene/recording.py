@@ -15,6 +15,7 @@ from materials.foundation.files import write_json
 
 from .camera import Camera
 from .transforms import as_pose
+from .typed_json import read_typed_json
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
@@ -182,12 +183,7 @@ def read_recording(path: str | Path) -> Recording:
     """
     path = Path(path)
     path = path / "recording.json" if path.is_dir() else path
-    try:
-        data = msgspec.json.decode(path.read_bytes(), type=_RecordingJson)
-    except FileNotFoundError as error:
-        raise InputError("exist", file=path, remedy="Check the path.") from error
-    except msgspec.DecodeError as error:
-        raise _worded(error, path) from error
+    data = read_typed_json(path, _RecordingJson)
     try:
         if not data.frames and data.points is None:
             raise InputError("hold at least one frame, or the recording a cloud in `points`", got="none", key="frames")
@@ -326,9 +322,10 @@ def _frame_json(frame: Frame, root: Path) -> dict[str, Any]:
     if frame.points is not None:
         out["points"] = {"file": _relative(frame.points.file, root), "T_world_points": frame.points.T_world_points.tolist()}
     if frame.masks is not None:
-        out["masks"] = {"file": _relative(frame.masks.file, root), "default_class": frame.masks.default_class}
+        masks: dict[str, Any] = {"file": _relative(frame.masks.file, root), "default_class": frame.masks.default_class}
         if frame.masks.classes is not None:
-            out["masks"]["classes"] = {str(k): v for k, v in frame.masks.classes.items()}
+            masks["classes"] = {str(k): v for k, v in frame.masks.classes.items()}
+        out["masks"] = masks
     if frame.stereo is not None:
         out["stereo"] = {"image": _relative(frame.stereo.image, root), "camera": camera_json(frame.stereo.camera)}
     if frame.disparity is not None:
@@ -337,17 +334,3 @@ def _frame_json(frame: Frame, root: Path) -> dict[str, Any]:
     if frame.segmentation is not None:
         out["segmentation"] = _relative(frame.segmentation, root)
     return out
-
-
-def _worded(error: msgspec.DecodeError, path: Path) -> InputError:
-    """Turn msgspec's message (`… - at `$.frames[0].image``) into ours, with the key as the user typed it."""
-    text, _, place = str(error).partition(" - at `$")
-    key = place.rstrip("`").lstrip(".") or None
-    if "unknown field" in text:
-        unknown = text.split("`")[1]
-        return InputError(
-            "be a known key", file=path, key=f"{key}.{unknown}" if key else unknown, remedy="Check its spelling against docs/formats.md."
-        )
-    if isinstance(error, msgspec.ValidationError):
-        return InputError("be valid", got=text[:1].lower() + text[1:], file=path, key=key, remedy="See docs/formats.md.")
-    return InputError("be JSON", got=text, file=path, remedy="Mend the file.")

@@ -15,13 +15,14 @@ Static meshes carry per-vertex attributes `fill_r, fill_g, fill_b` (linear radia
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any, Literal
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from materials.foundation.checks import check_range, check_shape
 from materials.foundation.errors import InputError
 from materials.foundation.files import write_json
 
@@ -29,6 +30,7 @@ from .grid import GroundGrid
 from .images import read_exr, write_exr
 from .mesh import Mesh, read_ply, write_ply
 from .recording import Recording, read_recording
+from .typed_json import read_typed_json
 
 GROUND_MAPS = ("height", "mask", "moisture", "puddles", "coverage")
 
@@ -59,8 +61,8 @@ class Sky:
     Attributes
     ----------
     panorama : (H, W, 4) float32
-        Linear RGB seen by any frame, and its weight (0 = unseen). Rows from the zenith (first) to the nadir, columns
-        from azimuth -pi to pi, where azimuth = atan2(y, x) in the world.
+        Linear RGB, usable everywhere, and its weight: 1 where a frame saw it, 0 where it is generic. Rows from the
+        zenith (first) to the nadir, columns from azimuth -pi to pi, where azimuth = atan2(y, x) in the world.
     """
 
     panorama: NDArray[np.float32]
@@ -133,8 +135,17 @@ def write_scene(folder: str | Path, scene: Scene) -> None:
     """Write meshes, maps and `scene.json`, the last of all: a folder without it is no scene.
 
     The recording must already lie in `folder/recording`.
+
+    Raises
+    ------
+    InputError
+        If two frames have images of the same name: the files of a scene go by it.
     """
     folder = Path(folder)
+    names = [frame.name for frame in scene.recording.frames]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError("have a name of its own", got=twice, key="each image of a scene", remedy="Rename the images.")
     write_ply(folder / "meshes" / "ground.ply", scene.ground)
     write_ply(folder / "meshes" / "environment.ply", scene.environment)
     for name, values in scene.maps.items():
@@ -180,36 +191,65 @@ def read_scene(folder: str | Path) -> Scene:
     file = folder / "scene.json"
     if not file.exists():
         raise InputError("be a scene (with a scene.json)", file=folder, remedy="Build it with scene-build RECORDING -o SCENE.")
+    data = read_typed_json(file, _SceneJson, remedy="Build the scene again.")
     try:
-        data = msgspec.json.decode(file.read_bytes(), type=_SceneJson)
-    except msgspec.DecodeError as error:
-        raise InputError("be valid scene/1", got=error, file=file, remedy="Build the scene again.") from error
+        return _scene(folder, data)
+    except InputError as error:
+        raise error.at(file=file) from error
+
+
+def _scene(folder: Path, data: _SceneJson) -> Scene:
     g = data.ground_maps
+    check_range("ground_maps.cell", g.cell, "(0, inf)")
     grid = GroundGrid(g.x_min, g.y_min, g.cell, g.rows, g.cols)
     maps = {}
     for name, path in g.maps.items():
-        maps[name] = read_exr(folder / path)["Y"].astype(np.float32)
+        maps[name] = _channels(_below(folder, path, f"ground_maps.maps.{name}"), "Y")[0]
         if maps[name].shape != grid.shape:
             raise InputError(f"have the grid's shape {grid.shape}", got=maps[name].shape, file=folder / path)
     missing = [name for name in GROUND_MAPS if name not in maps]
     if missing:
-        raise InputError("be given", file=file, key=f"ground_maps.maps.{missing[0]}", remedy="Build the scene again.")
-    sky = read_exr(folder / data.sky)
-    recording = read_recording(folder / data.recording)
+        raise InputError("be given", key=f"ground_maps.maps.{missing[0]}", remedy="Build the scene again.")
+    sky = np.stack(_channels(_below(folder, data.sky, "sky"), "RGBA"), axis=-1)
+    for name, value in data.class_means.items():
+        check_shape(f"class_means.{name}", np.array(value), (3,))
+    recording = read_recording(_below(folder, data.recording, "recording"))
     if [f.name for f in data.frames] != [f.name for f in recording.frames]:
-        raise InputError("list the frames of the recording", file=file, key="frames", remedy="Build the scene again.")
+        raise InputError("list the frames of the recording", key="frames", remedy="Build the scene again.")
     return Scene(
         data.name,
         recording,
-        read_ply(folder / data.ground),
-        read_ply(folder / data.environment),
+        read_ply(_below(folder, data.ground, "ground")),
+        read_ply(_below(folder, data.environment, "environment")),
         grid,
         maps,
-        Sky(np.stack([sky[c] for c in "RGBA"], axis=-1).astype(np.float32)),
+        Sky(sky),
         {name: np.array(value, np.float32) for name, value in data.class_means.items()},
-        tuple(tuple(Cardboard(b.instance, b.kind, np.array(b.corners_world)) for b in f.cardboards) for f in data.frames),
+        tuple(_cardboards(frame, f"frames[{i}]") for i, frame in enumerate(data.frames)),
         data.settings,
     )
+
+
+def _cardboards(frame: _FrameJson, key: str) -> tuple[Cardboard, ...]:
+    boards = []
+    for i, board in enumerate(frame.cardboards):
+        if [len(corner) for corner in board.corners_world] != [3, 3, 3, 3]:
+            raise InputError("be four corners of three numbers", key=f"{key}.cardboards[{i}].corners_world")
+        boards.append(Cardboard(board.instance, board.kind, np.array(board.corners_world)))
+    return tuple(boards)
+
+
+def _channels(path: Path, names: str) -> list[NDArray[np.float32]]:
+    layers = read_exr(path)
+    if missing := [name for name in names if name not in layers]:
+        raise InputError(f"have the channel {missing[0]}", got=", ".join(layers), file=path, remedy="Build the scene again.")
+    return [layers[name].astype(np.float32) for name in names]
+
+
+def _below(folder: Path, name: str, key: str) -> Path:
+    if not name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
+        raise InputError("be a path below the folder of the JSON", got=name, key=key)
+    return folder / name
 
 
 def cardboard_mesh(boards: tuple[Cardboard, ...]) -> Mesh:
