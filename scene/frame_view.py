@@ -19,6 +19,7 @@ from .mesh import Mesh
 from .recording import Frame, Recording
 
 Floats = NDArray[np.floating]
+_MARGIN = 3  # px around an outline where colours mix: what four pixels, the coarsest average taken, can reach
 
 
 @dataclass(frozen=True)
@@ -67,8 +68,8 @@ class FrameView:
             Linear; 0 where unseen.
         quality : (N,) float32
             0 unseen (outside, behind something, or something that moves); else up to 1, the share of the points'
-            resolution that the picture has, times the cosine of the view; a tenth of that within two pixels of the
-            outline of something nearer, whose colour may have bled.
+            resolution that the picture has, times the cosine of the view; a tenth of that within three pixels of an
+            outline, its own or that of something nearer, where colours mix.
         """
         xy, depth = self.camera.project(points)
         return self._gather(points, normals, xy, depth, spacing)
@@ -76,7 +77,7 @@ class FrameView:
     def _gather(self, points, normals, xy, depth, spacing):
         R = self.camera.T_camera_world[:3, :3]
         normals_camera = (normals @ R.T).astype(np.float64)
-        seen = kernel.see(xy, depth, normals_camera, self.depth, self.dynamic, *_intrinsics(self.camera), 2)
+        seen = kernel.see(xy, depth, normals_camera, self.depth, self.dynamic, *_intrinsics(self.camera), _MARGIN)
         colour = np.zeros((len(points), 3), np.float32)
         if not seen.any():
             return colour, np.zeros(len(points), np.float32)
@@ -85,7 +86,7 @@ class FrameView:
         f = self.camera.fx if self.camera.model != "ORTHOGRAPHIC" else np.inf
         cosine = _cosine(self.camera, points, normals)
         pixels = spacing * f * cosine / np.maximum(depth, 1e-3) if np.isfinite(f) else np.full(len(points), 1.0)
-        level = np.clip(np.floor(np.log2(np.maximum(pixels, 1)) + 0.5), 0, 4).astype(np.int8)
+        level = np.clip(np.floor(np.log2(np.maximum(pixels, 1)) + 0.5), 0, 2).astype(np.int8)
         image, valid = self.linear, (~self.dynamic).astype(np.float32)
         for n in range(int(level[seen > 0].max()) + 1):
             if n > 0:

@@ -6,10 +6,10 @@ from numba import njit, prange
 
 @njit(cache=True, parallel=True)
 def see(xy, z, normals, depth, dynamic, fx, fy, cx, cy, orthographic, margin, tolerance=0.03):
-    """Return 1 for each point that a camera sees, 0.1 close to the outline of something nearer, 0 else.
+    """Return 1 for each point that a camera sees, 0.1 close to an outline, where colours mix, 0 for what it does not see.
 
     `normals` (N, 3) are in the camera's frame. A pixel beside the point is predicted to lie on the point's tangent plane,
-    `z' = z (n . r) / (n . r')` with the rays r; what is clearly nearer than that is in front.
+    `z' = z (n . r) / (n . r')` with the rays r; what is clearly nearer than that is in front, what is farther is behind.
     """
     height, width = depth.shape
     out = np.zeros(len(z), np.float32)
@@ -44,7 +44,7 @@ def see(xy, z, normals, depth, dynamic, fx, fy, cx, cy, orthographic, margin, to
                     slack += min(abs(expected - zp), 0.2 * zp)
                     if depth[r, c] < zp - slack and depth[r, c] < expected - slack:
                         worst = 0.0
-                elif depth[r, c] < expected * 0.95 - slack and worst > 0.1:
+                elif worst > 0.1 and abs(depth[r, c] - expected) > 0.05 * expected + slack:
                     worst = 0.1
         out[p] = worst
     return out

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from materials.foundation.errors import InputError
@@ -37,6 +37,7 @@ def test_a_dry_street_is_exactly_dry():
     assert not water_level(maps_of(street), GRID, 0.0).any()
 
 
+@settings(max_examples=15)
 @given(w=st.floats(0, 1), model_seed=st.integers(0, 3))
 def test_water_levels_lie_between_dry_and_covered(w, model_seed):
     grid = GroundGrid(0.0, -4.0, 0.1, 80, 12)
@@ -100,6 +101,7 @@ def test_accumulation_doubles_for_a_hollow_of_one_centimetre():
     assert abs(F - expected) < 0.01
 
 
+@settings(max_examples=15)
 @given(gx=st.floats(-0.2, 0.2), gy=st.floats(-0.2, 0.2), w=st.floats(0.05, 1))
 def test_a_plane_slope_has_no_relief_even_at_the_edge_of_the_measured(gx, gy, w):
     grid = GroundGrid(0.0, 0.0, 0.05, 60, 60)
