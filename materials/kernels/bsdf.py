@@ -11,7 +11,7 @@ from numba import njit
 
 from . import coated, ggx
 from . import dielectric as glass
-from .fresnel import dielectric, normal_reflectance, schlick
+from .fresnel import absorbed_ratio, dielectric, normal_reflectance, schlick
 from .lambert import INV_PI, pdf_cosine, sample_cosine
 from .microfacet import ALPHA_MIN
 from .rough_film import internal_reflectance, reflectance
@@ -102,9 +102,10 @@ def _evaluate_coated(surface, wo, wi):
     rough = surface.film_alpha
     through = (1.0 - reflectance(wo[2], eta, rough)) * (1.0 - reflectance(wi[2], eta, rough))
     path = 1.0 / wo_in[2] + 1.0 / wi_in[2]
-    r = coated.diffuse_channel(surface.albedo_r, eta, rough, surface.tau_r, path)
-    g = coated.diffuse_channel(surface.albedo_g, eta, rough, surface.tau_g, path)
-    b = coated.diffuse_channel(surface.albedo_b, eta, rough, surface.tau_b, path)
+    inner = internal_reflectance(eta, rough)
+    r = coated.diffuse_channel(surface.albedo_r, eta, inner, surface.tau_r, path)
+    g = coated.diffuse_channel(surface.albedo_g, eta, inner, surface.tau_g, path)
+    b = coated.diffuse_channel(surface.albedo_b, eta, inner, surface.tau_b, path)
     if surface.specular_scale > 0.0:
         alpha_u, alpha_v = _widths(surface)
         lobe = coated.base_lobe(wo_in, wi_in, surface.eta, eta, alpha_u, alpha_v) * surface.specular_scale / (eta * eta)
@@ -201,12 +202,11 @@ def sample(surface, wo, u0, u1, u2):
 
 
 @njit(cache=True, error_model="numpy")
-def _coated_albedo(surface, albedo, tau, reflected, lobe):
-    """Return the share of one channel that leaves a film, the way in taken at the mean slant of diffuse light."""
-    inner = internal_reflectance(surface.film_eta, surface.film_alpha, tau)
-    # the way out: what is not sent back of diffuse light, with the same absorption as in Fdi, once instead of twice
-    out = (1.0 - internal_reflectance(surface.film_eta, surface.film_alpha, 0.0)) * math.exp(-2.0 * tau)
-    return reflected + (1.0 - reflected) * (albedo * out / (1.0 - albedo * inner) + lobe * math.exp(-2.0 * tau))
+def _coated_albedo(film_eta, albedo, tau, inner, reflected, lobe):
+    """Return the share of one channel that leaves a film, each crossing taken at twice the vertical depth."""
+    out = (1.0 - inner) * math.exp(-2.0 * tau)
+    series = 1.0 - albedo * inner * absorbed_ratio(film_eta, tau)
+    return reflected + (1.0 - reflected) * (albedo * out / series + lobe * math.exp(-2.0 * tau))
 
 
 @njit(cache=True, error_model="numpy")
@@ -226,9 +226,10 @@ def albedo(surface, cos_o):
     if kind == COATED:
         eta = surface.film_eta
         f, _, lobe = coated.lobe_weights(cos_o, 0.0, surface.specular_scale, surface.eta, eta, surface.film_alpha)
+        inner = internal_reflectance(eta, surface.film_alpha)
         return (
-            _coated_albedo(surface, surface.albedo_r, surface.tau_r, f, lobe),
-            _coated_albedo(surface, surface.albedo_g, surface.tau_g, f, lobe),
-            _coated_albedo(surface, surface.albedo_b, surface.tau_b, f, lobe),
+            _coated_albedo(eta, surface.albedo_r, surface.tau_r, inner, f, lobe),
+            _coated_albedo(eta, surface.albedo_g, surface.tau_g, inner, f, lobe),
+            _coated_albedo(eta, surface.albedo_b, surface.tau_b, inner, f, lobe),
         )
     return _BLACK

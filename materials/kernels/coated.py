@@ -11,12 +11,12 @@ import math
 
 from numba import njit
 
-from .fresnel import normal_reflectance, schlick
+from .fresnel import absorbed_ratio, normal_reflectance, schlick
 from .ggx import evaluate_schlick
 from .ggx import pdf as ggx_pdf
 from .ggx import sample as ggx_sample
 from .lambert import INV_PI
-from .rough_film import internal_reflectance, reflectance
+from .rough_film import reflectance
 
 
 @njit(cache=True, error_model="numpy")
@@ -28,12 +28,18 @@ def inside(w, film_eta):
 
 
 @njit(cache=True, error_model="numpy")
-def diffuse_channel(albedo, film_eta, film_alpha, tau, path):
-    """Return the diffuse BRDF of one channel but for T T: path is 1 / cos_i + 1 / cos_o inside the film."""
+def diffuse_channel(albedo, film_eta, inner, tau, path):
+    """Return the diffuse BRDF of one channel but for T T.
+
+    inner is Fdi of the clear film, path is 1 / cos_i + 1 / cos_o inside it.
+    """
     if albedo <= 0.0:
         return 0.0
-    series = 1.0 - albedo * internal_reflectance(film_eta, film_alpha, tau)
-    return albedo * INV_PI * math.exp(-tau * path) / (film_eta * film_eta * series)
+    dimmed = 1.0
+    if tau > 0.0:
+        dimmed = math.exp(-tau * path)
+        inner *= absorbed_ratio(film_eta, tau)
+    return albedo * INV_PI * dimmed / (film_eta * film_eta * (1.0 - albedo * inner))
 
 
 @njit(cache=True, error_model="numpy")

@@ -118,16 +118,10 @@ _RATIO = _absorbed_ratio()
 
 
 @njit(cache=True, error_model="numpy")
-def diffuse_internal_absorbed(eta, tau):
-    """Return Fdi(tau), the share of diffuse light from below that an interface sends back down through tau twice.
-
-    eta in [1, 3]; tau is the vertical optical depth of one crossing.
-    """
-    if eta <= 1.0:
-        return 0.0
-    clear = diffuse_internal(eta)
-    if tau <= 0.0:
-        return clear
+def absorbed_ratio(eta, tau):
+    """Return Fdi(tau) / Fdi(0), eta in [1, 3]; tau is the vertical optical depth of one crossing."""
+    if tau <= 0.0 or eta <= 1.0:
+        return 1.0
     mu_c = math.sqrt(1.0 - 1.0 / (eta * eta))
     v = math.sqrt(tau / mu_c)
     row = min(mu_c / _MU_MAX, 1.0) * (_ROWS - 1)
@@ -137,4 +131,10 @@ def diffuse_internal_absorbed(eta, tau):
     a, b = row - i, column - j
     low = (1.0 - b) * _RATIO[i, j] + b * _RATIO[i, j + 1]
     high = (1.0 - b) * _RATIO[i + 1, j] + b * _RATIO[i + 1, j + 1]
-    return clear * ((1.0 - a) * low + a * high)
+    return (1.0 - a) * low + a * high
+
+
+@njit(cache=True, error_model="numpy")
+def diffuse_internal_absorbed(eta, tau):
+    """Return Fdi(tau), the share of diffuse light from below that an interface sends back down through tau twice."""
+    return diffuse_internal(eta) * absorbed_ratio(eta, tau) if eta > 1.0 else 0.0

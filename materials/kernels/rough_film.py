@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numba import njit
 
-from .fresnel import dielectric, diffuse_external, diffuse_internal_absorbed
+from .fresnel import dielectric, diffuse_external
 
 _COSINES, _WIDTHS, _INDICES = 25, 11, 11
 
@@ -89,16 +89,15 @@ def reflectance(cos, eta, alpha):
 
 
 @njit(cache=True, error_model="numpy")
-def internal_reflectance(eta, alpha, tau):
-    """Return Fdi(tau) below a rough interface: its clear value from the balance of E, absorbed as below a smooth one."""
-    smooth = diffuse_internal_absorbed(eta, tau)
-    if alpha <= 0.0 or eta <= 1.0:
-        return smooth
-    j, b = _cell(math.sqrt(alpha), _WIDTHS)
-    k, c = _cell(2.0 * (eta - 1.0) / (eta + 1.0), _INDICES)
-    low = (1.0 - c) * _MEAN_EXCESS[j, k] + c * _MEAN_EXCESS[j, k + 1]
-    high = (1.0 - c) * _MEAN_EXCESS[j + 1, k] + c * _MEAN_EXCESS[j + 1, k + 1]
-    # clear: 1 - (1 - mean E) / eta^2, of which the smooth part is 1 - (1 - mean F) / eta^2
+def internal_reflectance(eta, alpha):
+    """Return Fdi below a clear film, from the balance of E; absorption dims it by `fresnel.absorbed_ratio`."""
+    if eta <= 1.0:
+        return 0.0
     external = diffuse_external(eta)
-    rough = 1.0 - (1.0 - external - (1.0 - b) * low - b * high) / (eta * eta)
-    return smooth * rough / (1.0 - (1.0 - external) / (eta * eta))
+    if alpha > 0.0:
+        j, b = _cell(math.sqrt(alpha), _WIDTHS)
+        k, c = _cell(2.0 * (eta - 1.0) / (eta + 1.0), _INDICES)
+        low = (1.0 - c) * _MEAN_EXCESS[j, k] + c * _MEAN_EXCESS[j, k + 1]
+        high = (1.0 - c) * _MEAN_EXCESS[j + 1, k] + c * _MEAN_EXCESS[j + 1, k + 1]
+        external += (1.0 - b) * low + b * high
+    return 1.0 - (1.0 - external) / (eta * eta)
