@@ -17,6 +17,7 @@ def priority_flood(z, is_outlet):
     filled = z.copy()
     parent = np.full(rows * cols, -1, np.int64)
     hollow = np.zeros(rows * cols, np.int32)
+    behind = np.zeros(rows * cols, np.int32)
     order = np.empty(rows * cols, np.int64)
     heap = [(np.float64(0.0), np.int64(0))]
     heap.pop()
@@ -43,11 +44,11 @@ def priority_flood(z, is_outlet):
                 parent[near] = cell
                 if z[a, b] < level:
                     filled[a, b] = level
-                    if hollow[cell] == 0:
+                    # A cell of the rim stands for the one hollow behind it, whichever neighbour is met first.
+                    if hollow[cell] == 0 and behind[cell] == 0:
                         num_hollows += 1
-                        hollow[near] = num_hollows
-                    else:
-                        hollow[near] = hollow[cell]
+                        behind[cell] = num_hollows
+                    hollow[near] = hollow[cell] if hollow[cell] > 0 else behind[cell]
                 heapq.heappush(heap, (np.float64(filled[a, b]), near))
     return filled, parent, hollow.reshape(rows, cols), order[:count], num_hollows
 

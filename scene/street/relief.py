@@ -95,7 +95,8 @@ def _detail(grid: GroundGrid, wear: at.Damage, cracks: NDArray, rng: np.random.G
     x = grid.x_min + (np.arange(grid.cols) + 0.5) * grid.cell
     y = grid.y_min + (np.arange(grid.rows) + 0.5) * grid.cell
     # The kerb and its face stay exact, so that 12 cm are 12 cm.
-    on_road = (smoothstep(at.ROAD_RIGHT, at.ROAD_RIGHT + 0.05, y) * smoothstep(-at.ROAD_LEFT, -at.ROAD_LEFT + 0.05, -y))[:, None]
+    left, right = at.ROAD_LEFT - 0.03, at.ROAD_RIGHT + 0.03
+    on_road = (smoothstep(right, right + 0.05, y) * smoothstep(-left, -left + 0.05, -y))[:, None]
     on_side = (
         smoothstep(at.GRASS[0], at.GRASS[0] + 0.06, y) + smoothstep(-at.PAVEMENT_RIGHT[1], -at.PAVEMENT_RIGHT[1] + 0.06, -y)
     )[:, None]

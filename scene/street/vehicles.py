@@ -130,7 +130,8 @@ def _loft(shape: CarShape) -> tuple[NDArray[np.float64], NDArray[np.int64], NDAr
     vertices = np.stack([np.broadcast_to(x[:, None], (n, m)), ys.T, zs.T], axis=-1).reshape(-1, 3)
     i, j = np.meshgrid(np.arange(n - 1), np.arange(m), indexing="ij")
     k = (j + 1) % m
-    a, b, c, d = i * m + j, (i + 1) * m + j, (i + 1) * m + k, i * m + k
+    # x forward, j to the left and up: this order looks outwards.
+    a, b, c, d = i * m + j, i * m + k, (i + 1) * m + k, (i + 1) * m + j
     faces = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
     stretch, row = np.repeat(ring_owner[j.ravel()], 2), np.repeat(ring_row[j.ravel()], 2)
     caps = []

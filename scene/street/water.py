@@ -1,6 +1,7 @@
 """Where the water truly is in the street after a shower: hydrology on the true height field.
 
-This is the yardstick for the augmentation and shares no formula with its water map. A shower of `w` times 2.5 mm falls:
+This is the yardstick for the augmentation and shares no formula with its water map. A shower of `w` times 2.5 mm
+falls, `w` times 20 mm/h at its end:
 
 - the first 0.4 mm are held by pores and texture (initial abstraction); pores fill as 1 - exp(-rain / 0.4 mm);
 - the excess runs down the true relief (priority flood, Barnes et al. 2014) into hollows, which fill as Linsley, Kohler
@@ -30,11 +31,11 @@ Floats = NDArray[np.floating]
 
 SHOWER = 2.5e-3
 ABSTRACTION = 0.4e-3
-_INTENSITY = 5e-3 / 3600
+_INTENSITY = 20e-3 / 3600
 _MANNING_N = 0.013
 _CELL = 0.04
 # Height of the stones of asphalt above the valleys between them: median and standard deviation [m]; slabs are finer.
-ASPHALT_TEXTURE = (0.60e-3, 0.25e-3)
+ASPHALT_TEXTURE = (0.45e-3, 0.20e-3)
 SLAB_TEXTURE = (0.30e-3, 0.15e-3)
 
 

@@ -151,10 +151,10 @@ class Street:
             # Lekner and Dorf's factor has two parts: the base absorbs more below water, and the water's surface sends
             # light back to be absorbed again. Below a film the tracer does the second part itself.
             p = diffuse_internal(ETA_WATER)
-            below = factor / ((1 - p) + p * look.albedo * factor)
+            full = diffuse_attenuation(look.albedo, 1.0, look.porosity, "lekner_dorf")
+            below = full / ((1 - p) + p * look.albedo * full)
             c = _resized(coverage, look.albedo.shape[:2])[..., None]
-            full = below / np.maximum(factor, 1e-6)
-            factor = factor * (1 - c) + np.where(factor < 1, factor * full, 1.0) * c
+            factor = factor * (1 - c) + (1 + (below - 1) * soak[..., None]) * c
         # A skin of water around the grains smooths what stays uncovered.
         alpha = (look.alpha * (1 - s) + _WET_ALPHA * s).astype(np.float32)
         albedo = (look.albedo * factor).astype(np.float32)
