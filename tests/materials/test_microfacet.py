@@ -11,7 +11,7 @@ from materials.foundation.errors import InputError
 WIDTHS = [(0.1, 0.1), (0.3, 0.3), (0.6, 0.2), (1.0, 1.0)]
 
 
-def hemisphere(num_cos=600, num_phi=240):
+def hemisphere(num_cos=300, num_phi=120):
     """Return directions and solid angles; nodes crowd towards the pole, where narrow lobes are."""
     nodes, weights = np.polynomial.legendre.leggauss(num_cos)
     x, w = 0.5 * (nodes + 1), 0.5 * weights
