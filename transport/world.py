@@ -8,9 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import maximum_filter
 
+from materials.foundation.checks import check_finite, check_range, check_shape
 from materials.foundation.errors import InputError
 from materials.kernels import bsdf
 from scene.camera import Camera
@@ -29,6 +30,8 @@ _KINDS = {
     "rough_dielectric": bsdf.ROUGH_DIELECTRIC,
     "emission": bsdf.EMISSION,
 }
+# What water can lie on: glass, mirrors and lamps have no diffuse base for a film to darken.
+_FILM_BASES = ("lambert", "ggx", "coated")
 
 
 @dataclass(frozen=True)
@@ -80,11 +83,11 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
             )
         if shape.mesh.num_faces == 0:
             raise InputError("have triangles", key=f"mesh of shape {shape.name}")
-        if not np.all(np.isfinite(shape.mesh.vertices)):
-            raise InputError("be finite", got="NaN or infinity", key=f"vertices of shape {shape.name}")
+        _check_mesh(shape)
     vertices, faces, normals, uv, face_shape = _geometry(shapes)
     num_static = sum(s.mesh.num_faces for s in static)
-    kept = reuse is not None and len(reuse.shapes) >= len(static)
+    # A tree with more in it than is static now would report faces that this world does not have.
+    kept = reuse is not None and reuse.arrays.num_static_faces == num_static and len(reuse.shapes) >= len(static)
     kept = kept and all(old.mesh is new.mesh for old, new in zip(reuse.shapes, static, strict=False))  # type: ignore[union-attr]
     tree = reuse.scenes[0] if kept and reuse is not None else EmbreeScene(vertices, faces[:num_static], 0)
     scenes = (tree, EmbreeScene(vertices, faces[num_static:], 1)) if moving else (tree,)
@@ -128,6 +131,8 @@ def compile_lights(lights: dict[str, Light]) -> a.LightArrays:
         if isinstance(light, DirectionalLight):
             suns.append(_sun(light, name))
         elif isinstance(light, PointLight):
+            check_finite(f"lights.{name}.position", light.position)
+            _check_brightness(f"lights.{name}.intensity", light.intensity)
             points.append([*light.position, *light.intensity])
         else:
             if len(panorama):
@@ -162,6 +167,18 @@ def compile_camera(camera: Camera) -> a.CameraArrays:
         corner = R[:, 2] - camera.cx * step_x - camera.cy * step_y
     kind = camera.model == "ORTHOGRAPHIC"
     return a.CameraArrays(camera.width, camera.height, kind, origin, corner, step_x.copy(), step_y.copy(), R[:, 2].copy())
+
+
+def _check_mesh(shape: Shape) -> None:
+    mesh = shape.mesh
+    for name, values in (("vertices", mesh.vertices), ("normals", mesh.normals), ("uv", mesh.uv)):
+        if values is not None and not np.all(np.isfinite(values)):
+            raise InputError("be finite", got="NaN or infinity", key=f"{name} of shape {shape.name}")
+        if values is not None and len(values) != len(mesh.vertices):
+            raise InputError(f"have a row per vertex, {len(mesh.vertices)}", got=len(values), key=f"{name} of shape {shape.name}")
+    # The kernels trust indices: one out of range would read other memory.
+    if mesh.faces.max() >= len(mesh.vertices):
+        raise InputError(f"lie below {len(mesh.vertices)}", got=mesh.faces.max(), key=f"vertex indices of shape {shape.name}")
 
 
 def _geometry(shapes: tuple[Shape, ...]) -> tuple[NDArray, ...]:
@@ -199,6 +216,11 @@ def _materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray, NDArra
         slots[i, a.NORMAL_TEXTURE] = store.add(m.normal_texture)
         slots[i, a.OPACITY_TEXTURE] = store.add(m.opacity_texture)
         if m.film is not None:
+            if m.model not in _FILM_BASES:
+                raise InputError(
+                    f"be None unless the model is one of {', '.join(_FILM_BASES)}", got=m.model, key=f"materials.{name}.film"
+                )
+            check_range(f"materials.{name}.film.eta", m.film.eta, "[1, 3]")
             _film(m.film, values[i], slots[i], store)
         if not np.all(np.isfinite(values[i])):
             raise InputError("be finite", got="NaN or infinity", key=f"materials.{name}")
@@ -246,6 +268,8 @@ def _sun(light: DirectionalLight, name: str) -> list[float]:
     length = np.linalg.norm(direction)
     if not length > 0:
         raise InputError("have a length", got=light.direction, key=f"lights.{name}.direction")
+    _check_brightness(f"lights.{name}.irradiance", light.irradiance)
+    check_range(f"lights.{name}.angular_radius", light.angular_radius, "[0, 1.5]")
     cos = float(np.cos(light.angular_radius))
     return [*(direction / length), *light.irradiance, cos, 2 * np.pi * (1 - cos)]
 
@@ -253,13 +277,20 @@ def _sun(light: DirectionalLight, name: str) -> list[float]:
 def _panorama(light: EnvironmentLight, name: str) -> NDArray[np.float32]:
     panorama = light.panorama
     if panorama is None:
+        _check_brightness(f"lights.{name}.radiance", light.radiance)
         if not any(light.radiance):
             return np.zeros((0, 1, 3), np.float32)
         panorama = np.broadcast_to(np.array(light.radiance, np.float32), (8, 16, 3))
+    check_shape(f"lights.{name}.panorama", panorama, (None, None, None))
     panorama = np.ascontiguousarray(panorama[..., :3], np.float32)
-    if not np.all(np.isfinite(panorama)) or panorama.min() < 0:
-        raise InputError("be finite and not negative", key=f"lights.{name}.panorama")
+    _check_brightness(f"lights.{name}.panorama", panorama)
     return panorama
+
+
+def _check_brightness(key: str, value: ArrayLike) -> None:
+    values = np.asarray(value, np.float64)
+    if not np.all(np.isfinite(values)) or values.min() < 0:
+        raise InputError("be finite and not negative", got=values.min(), key=key)
 
 
 def _distribution(panorama: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
