@@ -150,7 +150,7 @@ def _pcd(path: Path) -> NDArray:
     import open3d as o3d
 
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
-        cloud = o3d.t.io.read_point_cloud(str(path), remove_nan_points=False, remove_infinite_points=False)
+        cloud = o3d.t.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
     if "positions" not in cloud.point:
         raise InputError("be a whole PCD file", got="nothing that can be read", file=path, remedy="Export the file again.")
     positions = cloud.point["positions"].numpy()

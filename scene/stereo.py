@@ -276,9 +276,8 @@ def _grey(path, response: str | None) -> NDArray[np.uint8]:
 
 def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], num_disparities: int) -> NDArray[np.float32]:
     """Run semi-global matching; 0 where it found nothing."""
-    left, right = (np.ascontiguousarray(image) for image in (left, right))
     # Room at the left, so that the first columns can be matched too.
-    left, right = (cv2.copyMakeBorder(image, 0, 0, num_disparities, 0, cv2.BORDER_REPLICATE) for image in (left, right))
+    wider = [cv2.copyMakeBorder(image, 0, 0, num_disparities, 0, cv2.BORDER_REPLICATE) for image in (left, right)]
     matcher = cv2.StereoSGBM.create(
         minDisparity=0,
         numDisparities=num_disparities,
@@ -292,5 +291,5 @@ def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], num_disparities: i
         # Four paths: the modes with three or five are biased by -0.2 to -0.5 px against LiDAR, this one by -0.1 px.
         mode=cv2.STEREO_SGBM_MODE_HH4,
     )
-    found = matcher.compute(left, right)[:, num_disparities:].astype(np.float32) / 16
+    found = matcher.compute(*wider)[:, num_disparities:].astype(np.float32) / 16
     return np.where(found > 0, found, 0)

@@ -65,6 +65,8 @@ def test_without_ground_no_direction_is_made_up() -> None:
     assert up_from_ground(wall, Z) is None
     assert up_from_ground(np.zeros((0, 3)), Z) is None
     assert mean_up([None, None]) is None
-    np.testing.assert_allclose(mean_up([None, Z]), Z)
+    one = mean_up([None, Z])
+    assert one is not None
+    np.testing.assert_allclose(one, Z)
     assert spread(51) == [0, 12, 25, 38, 50]
     assert spread(2) == [0, 1]

@@ -31,7 +31,7 @@ def photographs(folder: Path, angles: list[float]) -> list[Frame]:
             cv2.resize(rng.uniform(0, 1, (n, n)).astype(np.float32), (900, 900), interpolation=cv2.INTER_CUBIC)
             for n in (40, 120, 300)
         ]
-        mixed = sum(layers)
+        mixed = np.sum(layers, axis=0)
         textures.append(np.clip(255 * (mixed - mixed.min()) / np.ptp(mixed), 0, 255).astype(np.uint8))
     frames = []
     for i, angle in enumerate(angles):
