@@ -52,7 +52,9 @@ class FrameView:
     depth: NDArray[np.float32]
     mesh_index: NDArray[np.int32]
 
-    def colours(self, points: Floats, normals: Floats, spacing: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def colours(
+        self, points: Floats, normals: Floats, spacing: float, coarsest: int = 2
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the radiance that the frame sees at world points, and how well it sees them.
 
         Parameters
@@ -61,6 +63,8 @@ class FrameView:
             Surface points and their unit normals, either side.
         spacing : float
             Distance between points [m]: pixels finer than this are averaged first.
+        coarsest : int
+            At most `2**coarsest` pixels are averaged along each side.
 
         Returns
         -------
@@ -72,9 +76,9 @@ class FrameView:
             outline, its own or that of something nearer, where colours mix.
         """
         xy, depth = self.camera.project(points)
-        return self._gather(points, normals, xy, depth, spacing)
+        return self._gather(points, normals, xy, depth, spacing, coarsest)
 
-    def _gather(self, points, normals, xy, depth, spacing):
+    def _gather(self, points, normals, xy, depth, spacing, coarsest):
         R = self.camera.T_camera_world[:3, :3]
         normals_camera = (normals @ R.T).astype(np.float64)
         seen = kernel.see(xy, depth, normals_camera, self.depth, self.dynamic, *_intrinsics(self.camera), _MARGIN)
@@ -86,7 +90,7 @@ class FrameView:
         f = self.camera.fx if self.camera.model != "ORTHOGRAPHIC" else np.inf
         cosine = _cosine(self.camera, points, normals)
         pixels = spacing * f * cosine / np.maximum(depth, 1e-3) if np.isfinite(f) else np.full(len(points), 1.0)
-        level = np.clip(np.floor(np.log2(np.maximum(pixels, 1)) + 0.5), 0, 2).astype(np.int8)
+        level = np.clip(np.floor(np.log2(np.maximum(pixels, 1)) + 0.5), 0, coarsest).astype(np.int8)
         image, valid = self.linear, (~self.dynamic).astype(np.float32)
         for n in range(int(level[seen > 0].max()) + 1):
             if n > 0:

@@ -120,7 +120,7 @@ def frame_gains(meshes: Mapping[str, Mesh], recording: Recording) -> NDArray[np.
     recent: list[tuple[int, NDArray, NDArray]] = []
     rows, ratios, strength = [], [], []
     for t, view in enumerate(frame_views(recording, meshes, "Exposure of frames")):
-        colour, quality = view.colours(points, normals, spacing)
+        colour, quality = view.colours(points, normals, spacing, coarsest=5)
         luminance = colour @ np.array([0.2126, 0.7152, 0.0722], np.float32)
         usable = (
             (quality > 0.02) & (colour.max(axis=1) < 0.9 * view.top) & (luminance > 0.01 * min(view.top, np.median(view.linear)))
@@ -211,5 +211,7 @@ def _sample_vertices(meshes: Mapping[str, Mesh]) -> tuple[NDArray, NDArray, floa
     step = max(total // _GAIN_POINTS, 1)
     points = np.concatenate([m.vertices[::step] for m in meshes.values()])
     normals = np.concatenate([_normals(m)[::step] for m in meshes.values()])
-    # 0.2 m average out the grain of asphalt and leaves, and errors of poses.
-    return points, normals, 0.2
+    # Both frames of a pair have to average over the same patch: the median of a coarse-grained asphalt's logarithm rises
+    # as it is blurred. 0.4 m is what a pixel covers along the road 15 m ahead; on the real drive it brings direct and
+    # chained ratios together (0.41 against 0.30 over three frames with 0.2 m, 0.38 against 0.33 with 0.4 m).
+    return points, normals, 0.4
