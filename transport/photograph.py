@@ -45,7 +45,7 @@ _MADE_FOLDERS = ("images", "masks", "points", "truth")
 class PhotographSettings:
     """How the pictures are taken."""
 
-    samples: int = setting(256, "paths per pixel")
+    samples: int = setting(64, "paths per pixel")
     max_bounces: int = setting(6, "scattering events per path")
     clamp: float = setting(8.0, "largest contribution of one indirect path; 0 is no limit")
     exposure: float = setting(1.0, "factor from radiance to the linear image, which clips at 1")

@@ -93,14 +93,14 @@ def _build(house: House, T: Floats, parts: dict[str, list[Mesh]]) -> None:
     for kind, x0, x1, z0, z1, material in openings:
         _opening(add, wall, kind, x0, x1, z0, z1, material)
     ridge = h + np.tan(house.roof_pitch) * d / 2
-    # Sides with gables, and the back.
-    add(wall, [(0, d, _BELOW), (0, 0, _BELOW), (0, 0, h), (0, d, h)], [(w, 0, _BELOW), (w, d, _BELOW), (w, d, h), (w, 0, h)])
+    # Roof: two slopes 12 cm thick that overhang the front and the back by 40 cm; gables reach up to their top side.
+    over, slope, t = 0.4, np.tan(house.roof_pitch), 0.12
+    z0, g = h - over * slope, h + t
+    top = ridge + t
+    add(wall, [(0, d, _BELOW), (0, 0, _BELOW), (0, 0, g), (0, d, g)], [(w, 0, _BELOW), (w, d, _BELOW), (w, d, g), (w, 0, g)])
     add(wall, [(w, d, _BELOW), (0, d, _BELOW), (0, d, h), (w, d, h)])
-    add(wall, [(0, d, h), (0, 0, h), (0, d / 2 - 0.01, ridge), (0, d / 2 + 0.01, ridge)])
-    add(wall, [(w, 0, h), (w, d, h), (w, d / 2 + 0.01, ridge), (w, d / 2 - 0.01, ridge)])
-    # Roof: two slopes 12 cm thick that overhang the front and the back by 40 cm.
-    over, slope = 0.4, np.tan(house.roof_pitch)
-    z0, t = h - over * slope, 0.12
+    add(wall, [(0, d, g), (0, 0, g), (0, d / 2 - 0.01, top), (0, d / 2 + 0.01, top)])
+    add(wall, [(w, 0, g), (w, d, g), (w, d / 2 + 0.01, top), (w, d / 2 - 0.01, top)])
     add("roof", [(0, -over, z0 + t), (w, -over, z0 + t), (w, d / 2, ridge + t), (0, d / 2, ridge + t)])
     add("roof", [(w, d + over, z0 + t), (0, d + over, z0 + t), (0, d / 2, ridge + t), (w, d / 2, ridge + t)])
     add("wood_white", [(0, 0.02, h), (w, 0.02, h), (w, -over, z0), (0, -over, z0)])

@@ -42,6 +42,6 @@ def bin_(foot: Floats, yaw: float) -> dict[str, Mesh]:
     """Return a wheeled bin 1.05 m high."""
     body = box((-0.28, -0.33, 0.04), (0.28, 0.33, 0.95))
     lid = box((-0.31, -0.36, 0.95), (0.31, 0.36, 1.03))
-    T = pose(*foot, yaw)
+    T = pose(float(foot[0]), float(foot[1]), float(foot[2]), yaw)
     wheels = [tube(np.array([[x, 0.30, 0.1], [x + 0.06, 0.30, 0.1]]), [0.1, 0.1], sides=14) for x in (-0.3, 0.24)]
     return {"bin_green": moved(join([body, lid]), T), "rubber": moved(join(wheels), T)}

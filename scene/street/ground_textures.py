@@ -73,9 +73,8 @@ class GroundPaint:
     def _road(self, x: Floats, y: Floats, contrast: float) -> Look:
         blotch, streak = self.blotch.at(x, y), self.streak.at(x, y)
         stones, grit = self.stones.at(x, y), self.grit.at(x, y)
-        tracks = sum(
-            np.exp(-0.5 * ((y - lane - side * 0.75) / 0.3) ** 2) for lane in (at.LANE_EGO, at.LANE_ONCOMING) for side in (-1, 1)
-        )
+        wheel_lines = [lane + side * 0.75 for lane in (at.LANE_EGO, at.LANE_ONCOMING) for side in (-1, 1)]
+        tracks = np.exp(-0.5 * ((y[:, None] - wheel_lines) / 0.3) ** 2).sum(axis=1)
         centre = np.exp(-0.5 * ((y - at.LANE_EGO) / 0.25) ** 2) + np.exp(-0.5 * ((y - at.LANE_ONCOMING) / 0.25) ** 2)
         # Tyres polish the stones bare (lighter), oil drips between the tracks (darker).
         grey = 0.112 * (1 + 0.06 * blotch + 0.05 * streak + (0.10 * tracks - 0.10 * centre)[:, None])
@@ -124,7 +123,7 @@ class GroundPaint:
         stop = (np.abs(x - at.ZEBRA[0] + 1.0) < 0.15)[None] & ((y < -0.15) & (y > -3.4))[:, None]
         return (centre | bay_line | bay_ends | zebra | stop).astype(np.float64)
 
-    def _patches(self, x: Floats, y: Floats) -> NDArray[np.float64]:
+    def _patches(self, x: Floats, y: Floats) -> Floats:
         fresh = np.zeros((len(y), len(x)), np.float32)
         for x0, y0, x1, y1 in self.wear.patches:
             i, j = np.searchsorted(x, [x0 - 0.05, x1 + 0.05])
@@ -134,7 +133,7 @@ class GroundPaint:
             fresh[:, i:j] = np.maximum(fresh[:, i:j], (inside > 0) * 0.7 + (np.abs(inside) < 0.03) * 0.75)
         return fresh
 
-    def _iron(self, x: Floats, y: Floats) -> NDArray[np.float64]:
+    def _iron(self, x: Floats, y: Floats) -> Floats:
         """Return the reflectance of the sewer lid and the gully grates, -1 elsewhere."""
         iron = np.full((len(y), len(x)), -1.0, np.float32)
         lid_x, lid_y, radius = at.LID

@@ -33,7 +33,7 @@ _COATED = {
     "glass_curtain": (0.22, 0.21, 0.19),
     "car_rim": (0.36, 0.37, 0.38),
     "car_headlamp": (0.50, 0.50, 0.50),
-    "car_taillamp": (0.26, 0.012, 0.010),
+    "car_taillamp": (0.13, 0.006, 0.005),
     "paint_red": (0.36, 0.022, 0.018),
     "paint_blue": (0.030, 0.085, 0.26),
     "paint_silver": (0.40, 0.41, 0.42),

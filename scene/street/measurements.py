@@ -86,7 +86,8 @@ def _write_truth(folder: Path, frame: int, truth: FrameTruth) -> None:
         return
     with replacing(folder / "truth" / "flow" / f"{name}.npy") as temporary:
         np.save(temporary, truth.flow)
-    stored = KittiFlow(truth.flow, np.isfinite(truth.flow).all(axis=-1)).stored()
+    known = np.asarray(np.isfinite(truth.flow).all(axis=-1))
+    stored = KittiFlow(truth.flow, known).stored()
     _write_png16(folder / "truth" / "flow" / f"{name}.png", stored)
     write_raw(folder / "truth" / "visible" / f"{name}.png", truth.visible.astype(np.uint8) * 255)
 
@@ -98,6 +99,6 @@ def _write_png16(path: Path, rgb: NDArray[np.uint16]) -> None:
         temporary.write_bytes(data.tobytes())
 
 
-def _write_npz(path: Path, **arrays: NDArray) -> None:
+def _write_npz(path: Path, points: NDArray[np.float32]) -> None:
     with replacing(path) as temporary:
-        np.savez_compressed(temporary, **arrays)
+        np.savez_compressed(temporary, points=points)

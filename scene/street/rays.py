@@ -51,7 +51,7 @@ class RayScene:
         """Return the nearest hits of rays with unit directions (N, 3)."""
         import open3d as o3d
 
-        rays = o3d.core.Tensor(np.concatenate([origins, directions], axis=1).astype(np.float32))
+        rays = o3d.core.Tensor.from_numpy(np.concatenate([origins, directions], axis=1).astype(np.float32))
         n = len(directions)
         hits = Hits(np.full(n, np.inf), np.zeros(n, np.int32), np.zeros((n, 3), np.float32), np.full(n, -1, np.int32))
         for (scene, first_face), offset in zip(self._parts, self._offsets, strict=False):
@@ -76,5 +76,5 @@ def _built(shapes: tuple[Shape, ...]):
     vertices = np.concatenate([m.vertices for m in meshes])
     faces = np.concatenate([m.faces.astype(np.int64) + o for m, o in zip(meshes, offsets, strict=True)])
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3d.core.Tensor(vertices), o3d.core.Tensor(faces.astype(np.uint32)))
+    scene.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(faces.astype(np.uint32)))
     return scene, np.cumsum([0] + [m.num_faces for m in meshes[:-1]])

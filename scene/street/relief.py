@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..grid import GroundGrid
 from . import layout as at
@@ -42,7 +42,7 @@ class Relief:
         """Return the undulation along the street [m]: a few centimetres over ten metres, so that gutters have sags."""
         return 0.030 * np.sin(2 * np.pi * (x - 3.5) / 26.0) + 0.012 * np.sin(2 * np.pi * (x + 1.0) / 9.7) + 0.0015 * x
 
-    def height(self, x: Floats, y: Floats) -> NDArray[np.float64]:
+    def height(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
         """Return z of the ground at world x, y of any common shape [m]."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         points = np.column_stack([x.ravel(), y.ravel()])
@@ -104,9 +104,8 @@ def _detail(grid: GroundGrid, wear: at.Damage, cracks: NDArray, rng: np.random.G
     waves = Pattern(16.0, _CELL, 0.25, 5.0, rng, slope=1.6).at(x, y)
     grain = Pattern(8.0, _CELL, 0.05, 0.25, rng, slope=1.0).at(x, y)
     blades = Pattern(8.0, _CELL, 0.06, 0.6, rng, slope=0.7).at(x, y)
-    ruts = sum(
-        np.exp(-0.5 * ((y - lane - side * 0.75) / 0.22) ** 2) for lane in (at.LANE_EGO, at.LANE_ONCOMING) for side in (-1, 1)
-    )
+    wheel_lines = [lane + side * 0.75 for lane in (at.LANE_EGO, at.LANE_ONCOMING) for side in (-1, 1)]
+    ruts = np.exp(-0.5 * ((y[:, None] - wheel_lines) / 0.22) ** 2).sum(axis=1)
     wander = 0.65 + 0.35 * np.sin(2 * np.pi * x / 17.3 + 1.0)
     road = 0.0035 * waves + 0.0006 * grain - 0.012 * ruts[:, None] * wander - 0.004 * cracks
     for x0, y0, x1, y1 in wear.patches:

@@ -45,7 +45,8 @@ def quads(corners: ArrayLike, uv_scale: float = 1.0, uv: Floats | None = None) -
 
 def box(low: ArrayLike, high: ArrayLike, uv_scale: float = 1.0) -> Mesh:
     """Return an axis-aligned box between two corners."""
-    (x0, y0, z0), (x1, y1, z1) = low, high  # type: ignore[misc]
+    x0, y0, z0 = np.asarray(low, float)
+    x1, y1, z1 = np.asarray(high, float)
     return quads(
         [
             [(x0, y0, z0), (x0, y1, z0), (x1, y1, z0), (x1, y0, z0)],

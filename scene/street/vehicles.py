@@ -73,7 +73,7 @@ _STRETCHES = (("bottom", 4), ("sill", 2), ("door", 7), ("shoulder", 5), ("window
 def car(shape: CarShape, paint: str) -> dict[str, Mesh]:
     """Return a car's meshes by material; `paint` names the body's."""
     vertices, faces, stretch, row = _loft(shape)
-    centre = vertices[faces].mean(axis=1)
+    centre = _of_both_halves(vertices[faces].mean(axis=1), stretch)
     material = _materials(shape, centre, stretch, row, paint)
     kept = ~_in_wheel_arch(centre, stretch)
     parts: dict[str, list[Mesh]] = {}
@@ -90,6 +90,14 @@ def car(shape: CarShape, paint: str) -> dict[str, Mesh]:
         y0, y1 = sorted([side * 0.86, side * 1.03])
         parts[paint].append(box((0.70, y0, 0.93), (0.80, y1, 1.07)))
     return {name: join(meshes) for name, meshes in sorted(parts.items())}
+
+
+def _of_both_halves(centre: Floats, stretch: NDArray[np.str_]) -> NDArray[np.float64]:
+    """Return each triangle's quad's centre, so that both halves of a quad are treated alike: no saw teeth."""
+    out = centre.astype(np.float64)
+    is_quad = ~np.isin(stretch, ["nose", "tail"])
+    out[is_quad] = np.repeat(0.5 * (centre[is_quad][0::2] + centre[is_quad][1::2]), 2, axis=0)
+    return out
 
 
 def _curve(corners: tuple[tuple[float, float], ...], x: Floats) -> NDArray[np.float64]:

@@ -238,4 +238,4 @@ def _shapes(name: str, parts: dict[str, Mesh], instance: int, kind: str) -> tupl
 def _resized(values: NDArray[np.float32], shape: tuple[int, int]) -> NDArray[np.float32]:
     import cv2
 
-    return cv2.resize(values, shape[::-1], interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.resize(values, shape[::-1], interpolation=cv2.INTER_LINEAR), np.float32)
