@@ -88,7 +88,12 @@ def stereo_points(frame: Frame, max_depth: float = 40.0) -> StereoPoints:
 
 
 def consistent_stereo_points(
-    recording: Recording, max_depth: float = 40.0, min_agreeing: int = 2, num_neighbours: int = 4
+    recording: Recording,
+    max_depth: float = 40.0,
+    min_agreeing: int = 2,
+    num_neighbours: int = 4,
+    spacing: float = 0.03,
+    max_sigma: float = 0.8,
 ) -> list[StereoPoints]:
     """Return the points of each frame that other frames see as well, their depths averaged over the frames.
 
@@ -103,6 +108,11 @@ def consistent_stereo_points(
         difference); at most what the drive can offer.
     num_neighbours : int
         Number of frames, nearest in the drive, that are asked.
+    spacing : float
+        Near pixels lie closer than any cloud is kept: of those only every second, third, … in row and column is taken, as
+        long as they are no farther apart than this across the line of sight [m]. 0 takes all.
+    max_sigma : float
+        Points whose averaged depth is less certain than this are dropped [m].
 
     Returns
     -------
@@ -114,6 +124,8 @@ def consistent_stereo_points(
     A point is also dropped if more frames look through it than agree with it.
     """
     check_range("max_depth", max_depth, "(0, inf)")
+    check_range("spacing", spacing, "[0, inf)")
+    check_range("max_sigma", max_sigma, "(0, inf]")
     usable = [i for i, f in enumerate(recording.frames) if f.stereo is not None or f.disparity is not None]
     maps: dict[int, _DepthMap] = {}
     out: list[StereoPoints] = []
@@ -130,7 +142,7 @@ def consistent_stereo_points(
         # Neighbours lie at most num_neighbours away, so older maps will not be asked again.
         maps = {j: m for j, m in maps.items() if abs(j - i) <= num_neighbours + 1}
         needed = min(min_agreeing, len(neighbours))
-        out.append(_points(frame, _agreed(recording, i, neighbours, maps, needed)))
+        out.append(_points(frame, _agreed(recording, i, neighbours, maps, needed, spacing, max_sigma)))
     return out
 
 
@@ -221,10 +233,15 @@ def _points(frame: Frame, depth: _DepthMap) -> StereoPoints:
     )
 
 
-def _agreed(recording: Recording, i: int, neighbours: list[int], maps: dict[int, _DepthMap], needed: int) -> _DepthMap:
+def _agreed(
+    recording: Recording, i: int, neighbours: list[int], maps: dict[int, _DepthMap], needed: int, spacing: float, max_sigma: float
+) -> _DepthMap:
     """Keep the depths of frame i that at least `needed` neighbours confirm, averaged in inverse depth by 1 / variance."""
     frame, own = recording.frames[i], maps[i]
     rows, cols = np.nonzero(own.inverse > 0)
+    step = np.maximum(spacing * frame.camera.fx * own.inverse[rows, cols], 1).astype(int)
+    taken = (rows % step == 0) & (cols % step == 0)
+    rows, cols = rows[taken], cols[taken]
     inverse, sigma = own.inverse[rows, cols], own.sigma[rows, cols]
     world = transform_points(frame.camera.T_world_camera, _camera_points(frame, rows, cols, 1 / inverse))
     agreeing, through = np.zeros(len(rows), int), np.zeros(len(rows), int)
@@ -256,6 +273,8 @@ def _agreed(recording: Recording, i: int, neighbours: list[int], maps: dict[int,
         total[g] += w / z[valid]
         weights[g] += w
     keep = (agreeing >= needed) & (agreeing >= through)
+    # The depth's deviation: dz = z^2 d(1/z).
+    keep &= (weights / total) ** 2 * weights**-0.5 <= max_sigma
     mean, error = np.zeros_like(own.inverse), np.ones_like(own.sigma)
     mean[rows[keep], cols[keep]] = total[keep] / weights[keep]
     error[rows[keep], cols[keep]] = weights[keep] ** -0.5

@@ -86,10 +86,14 @@ def test_a_measured_disparity_wins_over_a_matched_one(tmp_path: Path) -> None:
 def test_frames_that_agree_keep_their_points_and_sharpen_them(tmp_path: Path) -> None:
     frames = tuple(wall_frame(tmp_path, 10.0, x=0.4 * i, name=str(i)) for i in range(3))
     single = stereo_points(frames[1])
-    points = consistent_stereo_points(Recording(frames, tmp_path))
+    points = consistent_stereo_points(Recording(frames, tmp_path), spacing=0.0)
     assert len(points[1].points_world) > 0.6 * len(single.points_world)
     # Three looks of equal weight: sigma falls by the root of three, up to the change of depth over a flat wall.
     assert np.median(points[1].sigma) == pytest.approx(np.median(single.sigma) / np.sqrt(3), rel=0.02)
+    # 0.1 m at 10 m and a focal length of 200 px are 2 px: every fourth pixel, none of them new.
+    fewer = consistent_stereo_points(Recording(frames, tmp_path), spacing=0.1)[1]
+    assert 0.2 < len(fewer.points_world) / len(points[1].points_world) < 0.3
+    assert set(map(tuple, fewer.rows_cols)) <= set(map(tuple, points[1].rows_cols))
     # A frame whose pose says it stands elsewhere sees a wall at another place: nothing agrees.
     moved = frames[1].camera.T_world_camera.copy()
     moved[2, 3] -= 6.0
