@@ -1,8 +1,8 @@
 """Where the water is: the water level W of thesis 6.3.3 (eqs 6.1-6.5) on the ground's grid.
 
 W = 0.5 is ground saturated with water, W = 1 ground covered by it; `w` is the global wetness. The thesis's equations leave
-[0, 1] once heights differ by centimetres (F = 1 + 100 * 0.06 = 7); `model="bounded"`, the default, keeps each factor within
-its meaning. `model="thesis"` computes them as printed.
+[0, 1] once heights differ by centimetres (F = 1 + 100 * 0.06 = 7); `model="bounded"` keeps each factor within its meaning.
+`model="thesis"` computes them as printed. `model="standing"`, the default, is bounded and lets puddles fill.
 
 | | thesis | bounded |
 |---|---|---|
@@ -11,6 +11,16 @@ its meaning. `model="thesis"` computes them as printed.
 | W, eq 6.5 | w M lerp(S, A, w / 2) | M clamp(w lerp(S, A, w / 2)), so that M = 0.5 never exceeds saturation |
 | d, eq 6.2 | G * H - H | shrunk by d^2 / (d^2 + n^2), with the noise n of the height map |
 | hillsides | nothing | A fades out as the slope at the scale of metres passes from 5 % to 12 % |
+
+Bounded, the composite of eq 6.5 cannot exceed lerp(S, 1, 0.5) = 0.75 where S = 0.5, which is a damp patch, no puddle: the
+printed one covers ground with water only through the values above 1 that it should not have. What 6.3.3 describes in
+words is that pores fill first, then puddles, which at w = 1 cover about a third of the ground and mirror. So `standing`
+takes saturation from the bounded composite and accumulation from its own potential P = A0 F stays,
+
+    W = M lerp(w_sat / 2, 1, w_acc),  w_sat = clamp(2 w lerp(S, A, w / 2)),  w_acc = smoothstep(P; t, t + 1/2),  t = 1 / (2 w)
+
+since A0 > 1/2 on a third of flat ground: at w = 1 that third holds water, at w = 2/3 the fifth where A0 > 3/4, at w = 1/3
+only hollows, where F > 3/2. M multiplies last, so M = 0.5 never exceeds saturation, and W rises with w on flat ground.
 
 The noise: at k = 100/m the ripples that a scanner's rings leave, 2 mm high, would show as stripes of water.
 
@@ -35,7 +45,7 @@ from .grid import GroundGrid
 from .map_filters import fit_local_plane
 
 Maps = Mapping[str, NDArray[np.float32]]
-MODELS = ("bounded", "thesis")
+MODELS = ("standing", "bounded", "thesis")
 
 
 @dataclass(frozen=True)
@@ -43,13 +53,18 @@ class WaterSettings:
     """Constants of eqs 6.2-6.5; the defaults are the thesis's, but for the slope, which it does not consider."""
 
     model: str = setting(
-        "bounded", "bounded keeps all factors within [0, 1]; thesis computes the printed equations", choices=MODELS
+        "standing",
+        "standing lets puddles fill, bounded keeps eq 6.5 within [0, 1], thesis computes it as printed",
+        choices=MODELS,
     )
     k_acc: float = setting(100.0, "weight of height differences in accumulation [1/m] (eq 6.4)")
     k_sat: float = setting(2.0, "weight of height differences in saturation [1/m] (eq 6.3)")
     sigma_per_wetness: float = setting(0.5, "sigma of the height filter at w = 1 [m] (eq 6.2: w / 2)")
     moisture_blend: float = setting(0.75, "how far w = 1 blends the moisture pattern with 0.5 (eq 6.3)")
     puddle_blend: float = setting(0.5, "how far w = 1 blends the puddle pattern with 0.5 (eq 6.4)")
+    puddle_threshold: float = setting(
+        0.5, "value of the puddle pattern above which water stands on flat ground at w = 1 (standing)"
+    )
     accumulation_share: float = setting(0.5, "share of accumulation in the water level at w = 1 (eq 6.5)")
     relief_noise: float = setting(0.002, "noise of the height map [m]: differences of height below it are not believed")
     slope_scale: float = setting(2.0, "scale over which the slope of a hillside is measured, sigma [m]; above a gutter's width")
@@ -136,8 +151,13 @@ def water_level(maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings 
     A = _lerp(maps["puddles"], 0.5, settings.puddle_blend * w) * _factor(d, settings.k_acc, settings)
     if settings.model == "thesis":
         return (w * maps["mask"] * _lerp(S, A, settings.accumulation_share * w)).astype(np.float32)
-    A = np.clip(A, 0, 1) * _stays(maps, grid, settings)
-    level = np.clip(w * _lerp(np.clip(S, 0, 1), A, settings.accumulation_share * w), 0, 1)
+    stays = _stays(maps, grid, settings)
+    level = np.clip(w * _lerp(np.clip(S, 0, 1), np.clip(A, 0, 1) * stays, settings.accumulation_share * w), 0, 1)
+    if settings.model == "standing":
+        potential = maps["puddles"] * _factor(d, settings.k_acc, settings) * stays
+        t = np.clip((potential - settings.puddle_threshold / w) / np.float32(0.5), 0, 1)
+        filled = t * t * (3 - 2 * t)
+        level = np.minimum(level, 0.5) * (1 - filled) + filled
     return (maps["mask"] * level).astype(np.float32)
 
 

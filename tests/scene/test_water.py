@@ -10,6 +10,7 @@ from scene.water import WaterSettings, height_factor, hillside_slope, relief, wa
 from scene.wetting_patterns import moisture_pattern, puddle_pattern
 
 GRID = GroundGrid(-3.0, -4.0, 0.05, 160, 240)
+BOUNDED = WaterSettings(model="bounded")
 THESIS = WaterSettings(model="thesis")
 
 
@@ -65,10 +66,31 @@ def test_on_flat_ground_both_models_agree_and_water_rises_everywhere_with_wetnes
     maps = maps_of(lambda x, y: 0 * x + 7.0)
     last = np.zeros(GRID.shape)
     for w in np.linspace(0.1, 1, 10):
-        W = water_level(maps, GRID, w)
+        W = water_level(maps, GRID, w, BOUNDED)
         assert np.allclose(W, water_level(maps, GRID, w, THESIS), atol=1e-6)
         assert np.min(W - last) >= -1e-6
         last = W
+
+
+def test_standing_water_covers_a_third_of_flat_ground_at_most_and_rises_everywhere_with_wetness():
+    wide = GroundGrid(0.0, 0.0, 0.2, 300, 300)
+    maps = maps_of(lambda x, y: 0 * x, wide)
+    last = np.zeros(wide.shape)
+    for w, share in ((1 / 3, 0.0), (2 / 3, 0.2), (1.0, 1 / 3)):
+        W = water_level(maps, wide, w)
+        # 60 m of puddles of 2 m are 900 independent ones: a standard deviation of 0.016 of the share, allowed 4 times.
+        assert abs(np.mean(W > 0.5) - share) < 0.065
+        assert np.min(W - last) >= -1e-6
+        last = W
+    assert last.max() > 0.99  # a puddle's middle is covered
+
+
+def test_a_little_rain_stands_only_in_hollows():
+    maps = maps_of(lambda x, y: -0.03 * np.exp(-0.5 * (x**2 + y**2) / 0.1**2))
+    maps["puddles"] = np.ones(GRID.shape, np.float32)
+    W = water_level(maps, GRID, 0.4)
+    row, col = np.rint(GRID.position(np.array([[0.0, 0.0]]))[0]).astype(int)
+    assert W[row, col] > 0.9 and np.mean(W > 0.5) < 0.05
 
 
 def test_on_a_street_the_mean_water_rises_with_wetness():
