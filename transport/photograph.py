@@ -47,7 +47,7 @@ class PhotographSettings:
 
     samples: int = setting(64, "paths per pixel")
     max_bounces: int = setting(6, "scattering events per path")
-    clamp: float = setting(8.0, "largest contribution of one indirect path; 0 is no limit")
+    clamp: float = setting(2.0, "largest contribution of one indirect path, which tames mirrored sunlight; 0 is no limit")
     exposure: float = setting(1.0, "factor from radiance to the linear image, which clips at 1")
     read_sigma: float = setting(0.002, "sensor noise in the dark, linear units")
     shot_gain: float = setting(0.0001, "variance of sensor noise per signal, linear units")

@@ -31,7 +31,8 @@ class StreetSettings:
     seed: int = setting(0, "seed of everything random")
 
     def __post_init__(self) -> None:
-        check_range("frames", self.frames, "[2, 24]")
+        # Later the oncoming car would reach the crossing while the pedestrian is still on it.
+        check_range("frames", self.frames, "[2, 12]")
         check_range("width", self.width, "[16, 8192]")
         check_range("height", self.height, "[16, 8192]")
         check_range("fov_deg", self.fov_deg, "[20, 120]")

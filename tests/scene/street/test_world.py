@@ -11,7 +11,7 @@ from materials.foundation.errors import InputError
 from scene.simulation import DirectionalLight, EnvironmentLight
 from scene.street import Street, StreetSettings, street
 from scene.street import layout as at
-from scene.street.drive import AHEAD, CLASSES, WALKER, on_wheels
+from scene.street.drive import AHEAD, CLASSES, WALKER, object_poses, on_wheels
 from scene.street.rays import RayScene
 from scene.street.vehicles import CONTACTS, HATCHBACK, SALOON, WHEEL_RADIUS, car
 from scene.transforms import transform_points
@@ -111,14 +111,14 @@ def test_car_bodies_look_outwards():
             assert (np.einsum("fc,fc->f", faces, outward)[area] > 0).mean() > 0.97
 
 
-def test_wheels_of_all_cars_touch_the_ground_within_a_centimetre(small_street: Street):
-    poses = [p[k] for p in small_street.poses for k in p if CLASSES[k] == "vehicle"]
-    poses += [on_wheels(small_street.relief, x, at.PARKING, 0.0) for x in at.PARKED]
+def test_wheels_of_all_cars_touch_the_ground_within_a_centimetre(longest_drive: Street):
+    poses = [p[k] for p in longest_drive.poses for k in p if CLASSES[k] == "vehicle"]
+    poses += [on_wheels(longest_drive.relief, x, at.PARKING, 0.0) for x in at.PARKED]
     for T in poses:
         # A tyre rests on a patch of some 12 cm x 16 cm; its mean height is what carries it.
         contact = transform_points(T, CONTACTS)
         spots = [(0, 0), (0.06, 0), (-0.06, 0), (0, 0.08), (0, -0.08)]
-        z = np.mean([small_street.relief.height(contact[:, 0] + a, contact[:, 1] + b) for a, b in spots], axis=0)
+        z = np.mean([longest_drive.relief.height(contact[:, 0] + a, contact[:, 1] + b) for a, b in spots], axis=0)
         assert np.abs(contact[:, 2] - z).max() < 0.01
 
 
@@ -134,15 +134,21 @@ def test_the_pedestrian_is_of_human_size_and_stands_on_the_road(small_street: St
         assert np.abs(sole[:, 2] - ground).max() < 0.015
 
 
-def test_moving_things_never_touch_each_other_or_what_is_parked(small_street: Street):
-    parked = [s.mesh.vertices for s in small_street.static if s.kind == "parked"]
-    for frame in range(small_street.settings.frames):
+@pytest.fixture(scope="module")
+def longest_drive(small_street: Street) -> Street:
+    settings = replace(small_street.settings, frames=12)
+    return replace(small_street, settings=settings, poses=object_poses(settings, small_street.relief))
+
+
+def test_moving_things_never_touch_each_other_or_what_is_parked(longest_drive: Street):
+    parked = [s.mesh.vertices for s in longest_drive.static if s.kind == "parked"]
+    for frame in range(longest_drive.settings.frames):
         boxes = []
-        for instance in small_street.moving:
-            v = np.concatenate([s.mesh.vertices for s in small_street.moving_shapes(frame) if s.instance == instance])
+        for instance in longest_drive.moving:
+            v = np.concatenate([s.mesh.vertices for s in longest_drive.moving_shapes(frame) if s.instance == instance])
             boxes.append((v.min(axis=0), v.max(axis=0)))
         boxes += [(np.min(v, axis=0), np.max(v, axis=0)) for v in parked]
-        for i in range(len(small_street.moving)):
+        for i in range(len(longest_drive.moving)):
             for j, (low, high) in enumerate(boxes):
                 apart = (boxes[i][0] > high).any() or (boxes[i][1] < low).any()
                 assert i == j or apart
