@@ -84,6 +84,8 @@ class Scene:
         Per frame of the recording.
     settings : dict
         All settings of the build.
+    gains : tuple of float
+        Exposure of each frame relative to the first, as measured on the static world; empty: all alike.
     """
 
     name: str
@@ -96,6 +98,11 @@ class Scene:
     class_means: dict[str, NDArray[np.float32]]
     cardboards: tuple[tuple[Cardboard, ...], ...]
     settings: dict[str, Any] = field(default_factory=dict)
+    gains: tuple[float, ...] = ()
+
+    def gain(self, frame: int) -> float:
+        """Return a frame's exposure relative to the first, in which fill colours and sky are given."""
+        return self.gains[frame] if self.gains else 1.0
 
 
 class _GridJson(msgspec.Struct, forbid_unknown_fields=True):
@@ -116,6 +123,7 @@ class _CardboardJson(msgspec.Struct, forbid_unknown_fields=True):
 class _FrameJson(msgspec.Struct, forbid_unknown_fields=True):
     name: str
     cardboards: list[_CardboardJson]
+    gain: float = 1.0
 
 
 class _SceneJson(msgspec.Struct, forbid_unknown_fields=True):
@@ -158,9 +166,10 @@ def write_scene(folder: str | Path, scene: Scene) -> None:
     frames = [
         {
             "name": frame.name,
+            "gain": scene.gain(i),
             "cardboards": [{"instance": b.instance, "kind": b.kind, "corners_world": b.corners_world.tolist()} for b in boards],
         }
-        for frame, boards in zip(scene.recording.frames, scene.cardboards, strict=True)
+        for i, (frame, boards) in enumerate(zip(scene.recording.frames, scene.cardboards, strict=True))
     ]
     write_json(
         folder / "scene.json",
@@ -227,6 +236,7 @@ def _scene(folder: Path, data: _SceneJson) -> Scene:
         {name: np.array(value, np.float32) for name, value in data.class_means.items()},
         tuple(_cardboards(frame, f"frames[{i}]") for i, frame in enumerate(data.frames)),
         data.settings,
+        tuple(f.gain for f in data.frames),
     )
 
 

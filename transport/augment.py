@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import shutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,9 @@ from .projected_world import ProjectedFrame, project_frame
 from .separate import Separation, separate, water_normals
 from .wet import WetFrame, wet_frame
 
+# The unseen sky is judged on this many frames of a drive, every so many pixels, with so many paths each.
+_GAIN_FRAMES, _GAIN_STEP, _GAIN_SAMPLES = 4, 5, 64
+
 
 @dataclass(frozen=True)
 class AugmentSettings:
@@ -44,6 +47,7 @@ class AugmentSettings:
     )
     max_samples: int = setting(1024, "most paths per pixel that --noise may take")
     seed: int = setting(0, "seed of the paths")
+    sky_gain: float = setting(0.0, "factor on the sky that no frame saw; 0 finds the largest that the pictures allow")
     puddle_scale: float = setting(0.0, "largest size of the puddles [m]; 0 keeps those of the scene (2 m)")
     layers: bool = setting(True, "write the multi-layer EXR of each frame")
     labels: bool = setting(True, "write label maps as PNG")
@@ -79,6 +83,7 @@ def check_settings(settings: AugmentSettings, wetness: list[float]) -> None:
     check_range("samples", settings.samples, "[1, 65536]")
     check_range("max_samples", settings.max_samples, "[1, 65536]")
     check_range("noise", settings.noise, "[0, 255]")
+    check_range("sky_gain", settings.sky_gain, "[0, 100]")
     check_range("puddle_scale", settings.puddle_scale, "[0, 100]")
 
 
@@ -118,9 +123,11 @@ def augment(
     levels = [water_level(maps, scene.grid, w, settings.water) for w in wetness]
     names = [_name(w) for w in wetness]
     report: list[dict[str, Any]] = []
+    gain = settings.sky_gain or estimate_sky_gain(scene, frames, normals, settings)
+    logger.info("unseen sky at %.2f of its level", gain)
     projected: ProjectedFrame | None = None
     for index in tracked(frames, "wetting frames", len(frames)):
-        projected = project_frame(scene, index, projected)
+        projected = project_frame(scene, index, projected, gain)
         separation = separate_frame(projected, scene, normals, settings)
         for w, name, water in zip(wetness, names, levels, strict=True):
             wet = wet_frame(projected, separation, np.clip(water, 0, 1), settings.seed, settings.bounces)
@@ -128,29 +135,63 @@ def augment(
             _pass_truth(projected, folder / name / "truth")
             report.append(_figures(projected, separation, wet, w))
     for w, name in zip(wetness, names, strict=True):
-        write_json(folder / name / "augment.json", _record(scene, w, settings, [r for r in report if r["wetness"] == w]))
+        used = replace(settings, sky_gain=gain)
+        write_json(folder / name / "augment.json", _record(scene, w, used, [r for r in report if r["wetness"] == w]))
     return report
+
+
+def estimate_sky_gain(scene: Scene, frames: list[int], normals: NDArray[np.float32], settings: AugmentSettings) -> float:
+    """Return the largest factor on the unseen sky that the pictures allow, at most 1.
+
+    The sky above the picture is a guess, and its gloss on the ground must not exceed what the camera saw there (eq 6.11).
+    Gloss is linear in the factor g, `S = S_0 + g S_1`, so each pixel allows `(L - S_0) / S_1`; g is what all but 5 % of
+    the ground allow. One value serves the whole drive, or the street would flicker.
+    """
+    allowed = []
+    for index in frames[:: max(1, len(frames) // _GAIN_FRAMES)][:_GAIN_FRAMES]:
+        picture = project_frame(scene, index)
+        wanted = np.zeros_like(picture.is_ground)
+        wanted[1::_GAIN_STEP, 1::_GAIN_STEP] = picture.is_ground[1::_GAIN_STEP, 1::_GAIN_STEP]
+        if not wanted.any():
+            continue
+        gloss = []
+        for gain in (0.0, 1.0):
+            frame = project_frame(scene, index, picture, gain)
+            gloss.append(_separated(frame, scene, normals, replace(settings, samples=_GAIN_SAMPLES), wanted).specular[wanted])
+        light = picture.image[wanted].mean(axis=-1) - gloss[0].mean(axis=-1)
+        added = (gloss[1] - gloss[0]).mean(axis=-1)
+        told = added > 1e-4
+        allowed.append(np.clip(light[told] / added[told], 0, None))
+    return float(np.clip(np.quantile(np.concatenate(allowed), 0.05), 0.02, 1.0)) if allowed and sum(map(len, allowed)) else 1.0
+
+
+def _separated(
+    frame: ProjectedFrame,
+    scene: Scene,
+    normals: NDArray[np.float32],
+    settings: AugmentSettings,
+    wanted: NDArray[np.bool_] | None = None,
+) -> Separation:
+    return separate(
+        frame,
+        scene.grid,
+        normals,
+        settings.relief,
+        settings.eta,
+        settings.porosity,
+        settings.darkening,
+        settings.strength,
+        settings.samples,
+        settings.seed,
+        settings.bounces,
+        wanted,
+    )
 
 
 def separate_frame(frame: ProjectedFrame, scene: Scene, normals: NDArray[np.float32], settings: AugmentSettings) -> Separation:
     """Take the dry ground of a frame apart, with as many samples as the settings ask for."""
 
-    def at(samples: int) -> Separation:
-        return separate(
-            frame,
-            scene.grid,
-            normals,
-            settings.relief,
-            settings.eta,
-            settings.porosity,
-            settings.darkening,
-            settings.strength,
-            samples,
-            settings.seed,
-            settings.bounces,
-        )
-
-    separation = at(settings.samples)
+    separation = _separated(frame, scene, normals, settings)
     if settings.noise <= 0:
         return separation
     while separation.samples < settings.max_samples:
@@ -159,7 +200,8 @@ def separate_frame(frame: ProjectedFrame, scene: Scene, normals: NDArray[np.floa
             break
         # The error falls with the root of the samples; ask for what that predicts, but at most four times as many.
         factor = min(max((error / settings.noise) ** 2, 1.25), 4.0)
-        separation = at(min(int(np.ceil(separation.samples * factor)), settings.max_samples))
+        samples = min(int(np.ceil(separation.samples * factor)), settings.max_samples)
+        separation = _separated(frame, scene, normals, replace(settings, samples=samples))
     return separation
 
 

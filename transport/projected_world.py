@@ -69,8 +69,10 @@ class ProjectedFrame:
     camera: Camera
 
 
-def project_frame(scene: Scene, index: int, reuse: ProjectedFrame | None = None) -> ProjectedFrame:
+def project_frame(scene: Scene, index: int, reuse: ProjectedFrame | None = None, sky_gain: float = 1.0) -> ProjectedFrame:
     """Compile a frame: static meshes (kept from `reuse`), its cardboards with the bodies behind them, and its picture.
+
+    `sky_gain` scales the generic sky, where no frame saw it (see `augment.estimate_sky_gain`).
 
     Raises
     ------
@@ -84,7 +86,7 @@ def project_frame(scene: Scene, index: int, reuse: ProjectedFrame | None = None)
     boards = scene.cardboards[index]
     bodies, roles = _bodies(scene, boards, camera)
     world = compile_world(bodies, None if reuse is None else reuse.world)
-    picture = _empty_picture(scene, world, roles, camera, image, instance)
+    picture = _empty_picture(scene, index, world, roles, image, instance, sky_gain)
     size = (camera.height, camera.width)
     face, b1, b2, depth = np.zeros(size, np.int64), np.zeros(size), np.zeros(size), np.zeros(size)
     first_seen(world.arrays, picture, compile_camera(camera), face, b1, b2, depth)
@@ -183,23 +185,33 @@ def _quads(corners: list[tuple[NDArray, ...]]) -> Mesh:
 
 
 def _empty_picture(
-    scene: Scene, world: World, roles: list[int], camera: Camera, image: NDArray[np.float32], instance: NDArray[np.int32]
+    scene: Scene,
+    index: int,
+    world: World,
+    roles: list[int],
+    image: NDArray[np.float32],
+    instance: NDArray[np.int32],
+    sky_gain: float,
 ) -> kernel.Picture:
-    """Return the picture before it is known what its pixels see."""
+    """Return the picture before it is known what its pixels see; all that other frames saw is put into its exposure."""
     size = image.shape[:2]
+    camera, gain = scene.recording.frames[index].camera, scene.gain(index)
+    # Class means are taken over all frames at their own exposures.
+    mean_gain = gain / (sum(scene.gains) / len(scene.gains)) if scene.gains else 1.0
     P = camera.K @ camera.T_camera_world[:3]
     means = np.zeros((len(roles), 3))
     for i, (role, shape) in enumerate(zip(roles, world.shapes, strict=True)):
         name = {kernel.GROUND: "ground", kernel.ENVIRONMENT: "environment"}.get(role, shape.kind)
-        means[i] = scene.class_means[name] * {kernel.HULL: _BACK, kernel.UNDERSIDE: _BELOW}.get(role, 1.0)
+        means[i] = mean_gain * scene.class_means[name] * {kernel.HULL: _BACK, kernel.UNDERSIDE: _BELOW}.get(role, 1.0)
     fill = np.zeros((len(world.arrays.vertices), 4), np.float32)
     start = 0
     for shape in world.shapes:
         columns = [shape.mesh.attributes.get(f"fill_{c}") for c in "rgbw"]
         if all(c is not None for c in columns):
-            fill[start : start + len(shape.mesh.vertices)] = np.stack(columns, axis=1)  # type: ignore[arg-type]
+            fill[start : start + len(shape.mesh.vertices)] = np.stack(columns, axis=1) * (gain, gain, gain, 1)  # type: ignore[arg-type]
         start += len(shape.mesh.vertices)
     instances = np.array([s.instance for s in world.shapes], np.int32)
     nothing = np.full(size, np.inf, np.float32)
-    sky = np.ascontiguousarray(scene.sky.panorama[..., :3], np.float32)
+    seen = scene.sky.panorama[..., 3:]
+    sky = np.ascontiguousarray(scene.sky.panorama[..., :3] * (seen + (1 - seen) * np.float32(sky_gain)) * np.float32(gain))
     return kernel.Picture(image, nothing, nothing, instance, P, np.array(roles, np.int64), instances, means, fill, sky)

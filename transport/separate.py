@@ -116,6 +116,7 @@ def separate(
     samples: int,
     seed: int,
     bounces: int,
+    wanted: NDArray[np.bool_] | None = None,
     reference_albedo: float = 0.12,
 ) -> Separation:
     """Estimate the dry ground's parameters from the picture and take its specular light off it.
@@ -134,6 +135,8 @@ def separate(
         Model of `materials.wetness.diffuse_attenuation`.
     strength : float
         Weight of eq 6.13 (0.95).
+    wanted : (H, W) bool, optional
+        Pixels to trace; by default all that may see the ground.
     reference_albedo : float
         Albedo that the mean brightness of the ground stands for, where the model of darkening asks for albedos.
     """
@@ -156,7 +159,8 @@ def separate(
         strength=strength,
         mean_roughness=0.5 * (relief.roughness_min + relief.roughness_max),
     )
-    wanted = binary_dilation(mask, np.ones((3, 3), bool)) & (frame.instance == 0)
+    if wanted is None:
+        wanted = binary_dilation(mask, np.ones((3, 3), bool)) & (frame.instance == 0)
     dry = trace_specular(frame, ground, frame.image, wanted, samples, seed, bounces)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(dry.specular > frame.image, frame.image / dry.specular, 1.0)
