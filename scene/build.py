@@ -92,7 +92,7 @@ def build(recording: Recording, folder: str | Path, settings: BuildSettings | No
     )
 
     finished = {name: result.digest for name, result in stages.results.items()}
-    saved = {**_plain_all(settings), "world_offset": offset.tolist()}
+    saved = {**as_dict(settings), "world_offset": offset.tolist()}
     key = digest_of({"stages": finished, "settings": saved, "name": recording.name})
     if _is_written(folder, key):
         logger.info("scene: unchanged, kept")
@@ -218,7 +218,13 @@ def _uncoloured(mesh: Mesh) -> Mesh:
 
 
 def _assemble(
-    name: str, copy: Recording, colours: StageResult, maps: StageResult, sky: StageResult, boards, saved: dict[str, Any]
+    name: str,
+    copy: Recording,
+    colours: StageResult,
+    maps: StageResult,
+    sky: StageResult,
+    boards: tuple[tuple[Cardboard, ...], ...],
+    saved: dict[str, Any],
 ) -> Scene:
     g = read_json(maps.folder / "grid.json")
     means = read_json(colours.folder / "class_means.json")
@@ -258,10 +264,6 @@ def _source_digest(recording: Recording, offset: NDArray[np.float64]) -> str:
 
 def _plain(settings: BuildSettings, *names: str) -> dict[str, Any]:
     return {name: as_dict(getattr(settings, name)) for name in names}
-
-
-def _plain_all(settings: BuildSettings) -> dict[str, Any]:
-    return as_dict(settings)
 
 
 def _is_written(folder: Path, key: str) -> bool:

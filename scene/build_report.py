@@ -92,7 +92,7 @@ def write_report(folder: Path, report: dict[str, Any], previews: list[Path]) -> 
         lines.append(f"| {name} | {s['triangles']} | {cells} |")
     lines += [
         "",
-        f"Ground: {report['ground_area_m2']} m². Share of the ground's extent with a surface, by distance from the path:",
+        f"Ground: {report['ground_area_m2']} m². Share of the area with a ground mesh, by distance from the path:",
         "",
     ]
     lines += [f"- {name}: {share}" for name, share in report["ground_coverage"].items()]
@@ -133,11 +133,7 @@ def _coverage(scene: Scene, path: NDArray[np.float64]) -> dict[str, float]:
     X, Y = scene.grid.centres()
     fold = max(1, round(0.2 / scene.grid.cell))
     covered = scene.maps["coverage"][::fold, ::fold] > 0
-    distance = (
-        cKDTree(path[:, :2])
-        .query(np.column_stack([X[::fold, ::fold].ravel(), Y[::fold, ::fold].ravel()]))[0]
-        .reshape(covered.shape)
-    )
-    return {
-        f"within {limit} m": round(float(covered[distance < limit].mean()), 4) for limit in (3, 6, 12) if (distance < limit).any()
-    }
+    places = np.column_stack([X[::fold, ::fold].ravel(), Y[::fold, ::fold].ravel()])
+    distance = cKDTree(path[:, :2]).query(places)[0].reshape(covered.shape)
+    near = {limit: distance < limit for limit in (3, 6, 12)}
+    return {f"within {limit} m": round(float(covered[chosen].mean()), 4) for limit, chosen in near.items() if chosen.any()}

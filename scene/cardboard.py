@@ -17,6 +17,7 @@ from .build_settings import CardboardSettings
 from .camera import Camera
 from .dynamics import instance_mask
 from .mesh import Mesh
+from .mesh_rays import MeshRays
 from .recording import Frame
 from .scene_file import Cardboard
 
@@ -33,42 +34,25 @@ class GroundCaster:
     """
 
     def __init__(self, ground: Mesh) -> None:
-        import open3d
-
-        self._core = open3d.core
-        self._scene = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles(open3d.core.Tensor(ground.vertices), open3d.core.Tensor(ground.faces))
+        self._rays = MeshRays(ground)
 
     def hit(self, camera: Camera, xy: Floats) -> NDArray[np.float64]:
         """Return where pixel positions (N, 2) meet the ground (N, 3) [m]; NaN where the ray does not go down to it."""
         origins, directions = camera.rays(xy)
-        rays = np.column_stack([origins, directions]).astype(np.float32)
-        answer = self._scene.cast_rays(self._core.Tensor(rays))
-        distance = answer["t_hit"].numpy().astype(np.float64)
-        level = self.height_near(origins + directions * 15.0)
+        distance = self._rays.cast(origins, directions).distance
+        level = self._rays.nearest(origins + directions * 15.0)[:, 2]
         with np.errstate(divide="ignore", invalid="ignore"):
             to_level = (level - origins[:, 2]) / directions[:, 2]
         # A cast may slip through a gap of the mesh; a plane at the level of what is near says nearly the same.
         to_level = np.where(to_level > 0.5, to_level, np.nan)
-        distance = np.where(np.isfinite(distance), distance, to_level)
-        return origins + directions * distance[:, None]
-
-    def height_near(self, points_world: Floats) -> NDArray[np.float64]:
-        """Return the height of the ground mesh at its place nearest to each point (N,) [m]."""
-        query = self._core.Tensor(np.ascontiguousarray(points_world, dtype=np.float32))
-        return self._scene.compute_closest_points(query)["points"].numpy()[:, 2].astype(np.float64)
+        return origins + directions * np.where(np.isfinite(distance), distance, to_level)[:, None]
 
     def below(self, points_world: Floats) -> NDArray[np.float64]:
         """Return the ground's height straight below or above points (N,) [m]; where there is none, that near by."""
-        start = np.array(points_world, dtype=np.float32)
+        start = np.array(points_world, dtype=np.float64)
         start[:, 2] += 1000.0
-        down = np.broadcast_to(np.float32([0, 0, -1]), start.shape)
-        hits = (
-            self._scene.cast_rays(self._core.Tensor(np.ascontiguousarray(np.hstack([start, down]))))["t_hit"]
-            .numpy()
-            .astype(np.float64)
-        )
-        return np.where(np.isfinite(hits), start[:, 2] - hits, self.height_near(points_world))
+        distance = self._rays.cast(start, np.broadcast_to((0.0, 0.0, -1.0), start.shape)).distance
+        return np.where(np.isfinite(distance), start[:, 2] - distance, self._rays.nearest(points_world)[:, 2])
 
 
 def cardboards(
@@ -133,11 +117,8 @@ def _board(camera: Camera, inside, id: int, kind: str, ground: GroundCaster, see
     if kind == "vehicle" and method != "contacts" and seen is not None and len(seen) >= 12:
         along, method = _side(seen, facing), "sweep"
     depth = None if foot is None else float((foot - camera.position) @ camera.T_world_camera[:3, 2])
-    if (
-        seen is not None
-        and len(seen) >= 12
-        and (not trusted or abs(depth - note["sweep_depth"]) > 0.15 * note["sweep_depth"] + 2.0)
-    ):
+    seen_depth = note.get("sweep_depth")
+    if seen is not None and seen_depth and (depth is None or not trusted or abs(depth - seen_depth) > 0.15 * seen_depth + 2.0):
         # The mask's lower edge is no contact (cut by the image, or hidden): the sweep says where the object is.
         nearest = seen[np.argsort((seen - camera.position) @ camera.T_world_camera[:3, 2])[: max(6, len(seen) // 4)]]
         foot = np.median(nearest, axis=0)
@@ -226,7 +207,7 @@ def _sweep_depths(frame: Frame, mask: NDArray[np.integer], sweep_world: Floats |
 def _side(points: Floats, facing: Floats) -> NDArray[np.float64]:
     """Return the horizontal direction of the side that the scanner saw: that of the densest line through the points."""
     xy = points[:, :2]
-    best, along = -1.0, facing
+    best, along = -1.0, np.asarray(facing, dtype=np.float64)
     for angle in np.radians(np.arange(0, 180, 3.0)):
         direction = np.array([np.cos(angle), np.sin(angle)])
         across = xy @ (-direction[1], direction[0])

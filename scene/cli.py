@@ -27,14 +27,11 @@ def _parser() -> argparse.ArgumentParser:
         description="Build a scene that light can travel through from a recorded drive: ground, environment, moving objects, "
         "colours, sky, and the maps that water follows. What did not change since the last run is kept.",
     )
-    parser.add_argument(
-        "recording", metavar="RECORDING", help="recording.json, a KITTI, COLMAP or nerfstudio folder, images, or a point cloud"
-    )
+    what = "recording.json, a KITTI, COLMAP or nerfstudio folder, images, or a point cloud"
+    parser.add_argument("recording", metavar="RECORDING", help=what)
     parser.add_argument("-o", "--output", metavar="SCENE", required=True, help="folder of the scene")
     parser.add_argument("--format", choices=FORMATS, default="auto", help="what RECORDING is (default: auto, by its files)")
-    parser.add_argument(
-        "--frames", metavar="FROM:TO[:STEP]", help="use some of the frames only, as a Python slice or a single number"
-    )
+    parser.add_argument("--frames", metavar="FROM:TO[:STEP]", help="some of the frames only: a Python slice or a number")
     parser.add_argument("--seed", type=int, default=None, metavar="INT", help="seed of all that is random (default: 0)")
     add_common_flags(parser)
     for name, kind in _stages().items():
@@ -101,12 +98,10 @@ def _body(args: argparse.Namespace) -> None:
         return
     report = json.loads((output / "report.json").read_text(encoding="utf-8"))
     ground, around = report["surfaces"]["ground"], report["surfaces"]["environment"]
-    error = ground["held_out_m"]["median"]
+    median = ground["held_out_m"]["median"]
+    error = "" if median is None else f", {1000 * median:.1f} mm off held-out points"
     print(f"{output / 'scene.json'}: {len(scene.recording.frames)} frames, {report['cardboards']['count']} moving objects")
-    print(
-        f"  ground       {ground['triangles']} triangles, {report['ground_area_m2']} m2"
-        + (f", {1000 * error:.1f} mm off held-out points" if error else "")
-    )
+    print(f"  ground       {ground['triangles']} triangles, {report['ground_area_m2']} m2{error}")
     print(f"  environment  {around['triangles']} triangles")
     print(f"  look at      {output / 'preview' / 'scene.png'}, {output / 'preview' / 'top.png'}, {output / 'report.md'}")
     print(f"  next         augment {output} -o OUT --wetness 0.7")

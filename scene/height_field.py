@@ -182,19 +182,19 @@ def _solve_level(k, coarse, position, z, level, covered, cell, s: HeightFieldSet
     near = binary_dilation(free)
     c_k = cell * fold
     unit = np.full((rows, cols), s.surface_stiffness / c_k**2)
-    stiffness = [unit, unit, unit]
+    bend_rows, bend_cols, twist = unit, unit, unit
     weights = np.full(len(values), s.surface_noise**-2)
     for turn in range(4 if k else 5):
         iterations = 400 if coarse is None else 60
-        kernel.conjugate_gradients(h, free, r, c, weights, values, near, *stiffness, iterations, 1e-3)
+        kernel.conjugate_gradients(h, free, r, c, weights, values, near, bend_rows, bend_cols, twist, iterations, 1e-3)
         residual = kernel.interpolate(h, r, c) - values
         weights = s.surface_noise**-2 / (1 + (residual / (2.5 * s.surface_noise)) ** 2)
         if turn >= 1:
-            stiffness = [unit / np.sqrt(1 + (d / s.surface_break) ** 2) for d in _second_differences(h)]
+            bend_rows, bend_cols, twist = (unit / np.sqrt(1 + (d / s.surface_break) ** 2) for d in _second_differences(h))
     return h
 
 
-def _second_differences(h: Floats) -> list[NDArray[np.float64]]:
+def _second_differences(h: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     rows, cols, twist = np.zeros_like(h), np.zeros_like(h), np.zeros_like(h)
     rows[1:-1] = h[:-2] - 2 * h[1:-1] + h[2:]
     cols[:, 1:-1] = h[:, :-2] - 2 * h[:, 1:-1] + h[:, 2:]

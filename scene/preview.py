@@ -13,6 +13,7 @@ from .cloud import path_of
 from .dynamics import instance_mask
 from .images import Encoding, encode, read_image, write_raw
 from .mesh import Mesh, join
+from .mesh_rays import MeshRays
 from .scene_file import Scene, cardboard_mesh
 from .transforms import look_at
 
@@ -85,7 +86,7 @@ def _draw_path(picture: NDArray[np.uint8], scene: Scene, row: int, col: int, fol
             cv2.circle(picture, tuple(int(v) for v in place), 3, (220, 30, 30), -1)
     for boards in scene.cardboards:
         for board in boards:
-            cv2.line(picture, *(tuple(int(v) for v in p) for p in pixel(board.corners_world[:2])), (240, 140, 0), 2)
+            cv2.polylines(picture, [pixel(board.corners_world[:2])], False, (240, 140, 0), 2)
 
 
 def oblique_view(scene: Scene, width: int = 1600, height: int = 900) -> NDArray[np.uint8]:
@@ -107,14 +108,15 @@ def shaded(camera: Camera, scene: Scene, boards=()) -> NDArray[np.float32]:
     if boards:
         meshes.append(_coloured(cardboard_mesh(boards), _BOARD))
     mesh = join([m for m in meshes if m.num_faces])
-    hit, index, bary, normal, directions = _cast(camera, mesh)
-    corners = mesh.faces[index].astype(np.int64)
-    weights = np.stack([1 - bary[..., 0] - bary[..., 1], bary[..., 0], bary[..., 1]], axis=-1)
+    origins, directions = camera.rays(camera.pixel_centres())
+    hits = MeshRays(mesh).cast(origins, directions)
+    corners = mesh.faces[hits.face].astype(np.int64)
     colour = np.stack([mesh.attributes[name] for name in ("r", "g", "b")], axis=1)[corners]
-    colour = np.einsum("...c,...ck->...k", weights, colour)
-    facing = np.abs(np.einsum("...k,...k->...", normal, directions))
-    colour = colour * (0.45 + 0.55 * facing)[..., None]
-    return np.where(hit[..., None], colour, (0.75, 0.85, 0.95)).astype(np.float32)
+    colour = np.einsum("nc,nck->nk", hits.weights, colour)
+    facing = np.abs(np.einsum("nk,nk->n", hits.normals, directions))
+    colour = colour * (0.45 + 0.55 * facing)[:, None]
+    colour = np.where(hits.is_hit[:, None], colour, (0.75, 0.85, 0.95)).astype(np.float32)
+    return colour.reshape(camera.height, camera.width, 3)
 
 
 def overlay(scene: Scene, index: int) -> NDArray[np.uint8]:
@@ -125,17 +127,18 @@ def overlay(scene: Scene, index: int) -> NDArray[np.uint8]:
     mask = instance_mask(frame)
     picture[mask > 0] = picture[mask > 0] // 2 + np.array([110, 0, 0], np.uint8)
     meshes = [_coloured(m, (0, 0, 0)) for m in (scene.ground, scene.environment) if m.num_faces]
-    hit, face, _, _, _, distance = _cast(frame.camera, join(meshes), with_distance=True)
-    inverse = np.where(hit, 1 / np.maximum(distance, 0.1), 0)
+    shape = (frame.camera.height, frame.camera.width)
+    hits = MeshRays(join(meshes)).cast(*frame.camera.rays(frame.camera.pixel_centres()))
+    inverse = np.where(hits.is_hit, 1 / np.maximum(hits.distance, 0.1), 0).reshape(shape)
     step = np.maximum(np.abs(np.diff(inverse, axis=0, append=0)), np.abs(np.diff(inverse, axis=1, append=0)))
     picture[step > 0.15 * np.maximum(inverse, 0.02)] = (0, 220, 220)
-    on_ground = hit & (face < scene.ground.num_faces)
+    on_ground = (hits.is_hit & (hits.face < scene.ground.num_faces)).reshape(shape)
     border = cv2.morphologyEx(on_ground.astype(np.uint8), cv2.MORPH_GRADIENT, np.ones((2, 2), np.uint8)) > 0
     picture[border] = (255, 230, 0)
     for board in scene.cardboards[index]:
         xy, _ = frame.camera.project(board.corners_world)
         if np.isfinite(xy).all():
-            cv2.polylines(picture, [np.rint(xy * 16).astype(np.int32)], True, (60, 255, 60), 1, cv2.LINE_AA, 4)
+            cv2.polylines(picture, [np.rint((xy - 0.5) * 16).astype(np.int32)], True, (60, 255, 60), 1, cv2.LINE_AA, 4)
     return picture
 
 
@@ -147,21 +150,3 @@ def _coloured(mesh: Mesh, unseen: tuple[float, float, float]) -> Mesh:
     for name, value in zip("rgb", unseen, strict=True):
         rgb[name] = np.where(seen, mesh.attributes[f"fill_{name}"], value) if seen.any() else np.full(n, value)
     return Mesh(mesh.vertices, mesh.faces, attributes=rgb)
-
-
-def _cast(camera: Camera, mesh: Mesh, with_distance: bool = False):
-    """Cast a ray per pixel: hit (H, W), face index (0 without hit), barycentrics, geometric normals, directions."""
-    import open3d
-
-    world = open3d.t.geometry.RaycastingScene()
-    world.add_triangles(open3d.core.Tensor(mesh.vertices), open3d.core.Tensor(mesh.faces))
-    origins, directions = camera.rays(camera.pixel_centres())
-    answer = world.cast_rays(open3d.core.Tensor(np.hstack([origins, directions]).astype(np.float32)))
-    shape = (camera.height, camera.width)
-    distance = answer["t_hit"].numpy().reshape(shape)
-    hit = np.isfinite(distance)
-    face = np.where(hit, answer["primitive_ids"].numpy().reshape(shape), 0).astype(np.int64)
-    bary = answer["primitive_uvs"].numpy().reshape(*shape, 2)
-    normal = answer["primitive_normals"].numpy().reshape(*shape, 3)
-    out = (hit, face, bary, normal, directions.reshape(*shape, 3))
-    return (*out, distance) if with_distance else out

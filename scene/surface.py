@@ -13,6 +13,7 @@ from .build_settings import HeightFieldSettings, SurfaceSettings
 from .ground_mesh import edge_components, triangulate
 from .height_field import HeightField, fit_height_field
 from .mesh import Mesh
+from .mesh_rays import MeshRays
 
 Floats = NDArray[np.floating]
 
@@ -203,12 +204,6 @@ def is_edge_manifold(mesh: Mesh) -> bool:
 
 def distance_to_mesh(points_world: Floats, mesh: Mesh) -> NDArray[np.float64]:
     """Return the distance (N,) of points from the nearest place of a mesh [m]; infinite if it is empty."""
-    import open3d
-
     if mesh.num_faces == 0:
         return np.full(len(points_world), np.inf)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles(open3d.core.Tensor(mesh.vertices), open3d.core.Tensor(mesh.faces))
-    return (
-        scene.compute_distance(open3d.core.Tensor(np.ascontiguousarray(points_world, dtype=np.float32))).numpy().astype(np.float64)
-    )
+    return MeshRays(mesh).distance(points_world)
