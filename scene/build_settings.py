@@ -71,6 +71,7 @@ class SurfaceSettings:
     )
     ground_depth: int = setting(0, "octree depth of the ground's Poisson reconstruction (0 = by point spacing, at most 13)")
     environment_depth: int = setting(0, "octree depth of the environment's (0 = by point spacing, at most 12)")
+    environment_cell: float = setting(0.08, "no cell of the environment is finer: it is seen in reflections only [m]")
     normal_neighbours: int = setting(20, "neighbours for a normal")
     trim_density: float = setting(0.02, "share of the least supported vertices that is cut off [0 to 1]")
     trim_distance: float = setting(4.0, "faces further from any point than this many times the local point spacing are cut off [1]")

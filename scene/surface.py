@@ -45,13 +45,15 @@ def point_spacing(points_world: Floats, sample: int = 20000) -> float:
     return float(np.median(cKDTree(points).query(some, k=2)[0][:, 1]))
 
 
-def poisson_depth(points_world: Floats, deepest: int) -> int:
+def poisson_depth(points_world: Floats, deepest: int, finest: float = 0.0) -> int:
     """Return the octree depth at which a cell has one to two median point spacings, between 6 and `deepest`.
+
+    No cell is finer than `finest` [m].
 
     A full survey cloud (1 cm over 100 m) gets the 13 and 12 of the thesis; finer cells than points only cost time.
     """
     extent = float(np.ptp(points_world, axis=0).max()) * 1.1
-    return int(np.clip(np.floor(np.log2(max(extent / max(point_spacing(points_world), 1e-4), 2.0))), 6, deepest))
+    return int(np.clip(np.floor(np.log2(max(extent / max(point_spacing(points_world), finest, 1e-4), 2.0))), 6, deepest))
 
 
 def reconstruct_ground(
@@ -82,7 +84,7 @@ def reconstruct_environment(points_world: Floats, sensors_world: Floats, setting
         return Mesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32), np.zeros((0, 3), np.float32))
     with stage("environment mesh"):
         n = normals(points_world, towards=sensors_world, neighbours=settings.normal_neighbours)
-        depth = settings.environment_depth or poisson_depth(points_world, 12)
+        depth = settings.environment_depth or poisson_depth(points_world, 12, settings.environment_cell)
         return _poisson_trimmed(points_world, n, depth, settings)
 
 
