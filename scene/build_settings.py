@@ -52,10 +52,10 @@ class HeightFieldSettings:
 
     surface_cell: float = setting(0.1, "finest cell of the ground mesh [m]")
     surface_near: float = setting(14.0, "distance from the path up to which cells are finest; they double at each doubling [m]")
-    surface_noise: float = setting(0.015, "standard deviation of a ground point's height [m]")
-    surface_stiffness: float = setting(2500.0, "resistance to bending [1/m^2 of squared slope change per m]")
+    surface_noise: float = setting(0.02, "standard deviation of a ground point's height [m]")
+    surface_stiffness: float = setting(10000.0, "resistance to bending [1/m^2 of squared slope change per m]")
     surface_break: float = setting(
-        0.0005, "a change of slope times cell from which on bending counts linearly: streets are planes with kerbs between [m]"
+        0.0002, "a change of slope times cell from which on bending counts linearly: streets are planes with kerbs between [m]"
     )
     hole_size: float = setting(2.0, "holes up to this width are closed near the path [m]")
     hole_area: float = setting(25.0, "and enclosed holes, below parked vehicles, up to this area [m^2]")

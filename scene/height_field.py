@@ -8,6 +8,11 @@ reconstruction of such points ripples with the rings; a height field, fitted as
 does not: rho (Cauchy) forgives grass and strays, and phi grows like its argument beyond the size of a kerb, so that
 steps stay steps. The energies are solved by reweighted least squares from coarse to fine grids; the finest only near the
 path, where a camera sees it.
+
+The defaults of stiffness, break and noise were chosen on a street with centimetre noise whose truth is known (error
+between the rings 1.0 mm, slope error 0.0009, 69 % of a kerb's rise within 0.3 m) and on a 64-beam scanner's street,
+where the lane's slope varies by 0.004 (0.012 at a quarter of the stiffness and a break of 0.5 mm, for a median error on
+held-out points of 8.0 instead of 8.6 mm: what was fitted closer were the beams' own offsets, ripples in a reflection).
 """
 
 from __future__ import annotations
