@@ -20,9 +20,9 @@ from scene.recording import read_recording
 from scene.scene_file import Scene, read_scene
 from scene.street import Street, StreetSettings, street
 from scene.water import water_level
-from transport.augment import AugmentSettings, separate_frame
+from transport.augment import AugmentSettings, estimate_sky_gain, separate_frame
 from transport.contact_sheet import contact_sheet
-from transport.photograph import exposed, photograph
+from transport.photograph import PhotographSettings, photograph
 from transport.projected_world import ProjectedFrame, project_frame
 from transport.render import render
 from transport.separate import Separation, water_normals
@@ -34,24 +34,26 @@ from .report import Report
 _WETNESS = (1 / 3, 2 / 3, 1.0)
 _FRAMES = (1, 4, 6)
 _SAMPLES = 64
-_TRUE_SAMPLES = 256
+_TRUE_SAMPLES = 64
+_PHOTOGRAPHS = PhotographSettings(samples=64)
 
 
 def run(report: Report) -> None:
     """Record PSNR and SSIM of the augmentation and both baselines, over the pixels of the ground."""
     folder = Path(report.folder) / "proof" / "wet_street"
     world = street(StreetSettings())
-    photograph(world, folder / "recording", 128, 0)
+    photograph(world, folder / "recording", _PHOTOGRAPHS)
     build(read_recording(folder / "recording"), folder / "scene", BuildSettings())
     scene = read_scene(folder / "scene")
     normals = water_normals(scene.maps["height"], scene.maps["coverage"], scene.grid.cell)
     settings = AugmentSettings(samples=_SAMPLES)
     scores: dict[tuple[float, str], list[tuple[float, float]]] = {}
-    projected = None
+    gain = estimate_sky_gain(scene, list(range(len(scene.recording.frames))), normals, settings)
+    projected: ProjectedFrame | None = None
     for index in _FRAMES:
-        projected = project_frame(scene, index, projected)
+        projected = project_frame(scene, index, projected, gain)
         separation = separate_frame(projected, scene, normals, settings)
-        rows = [("recorded dry", [projected.raw])]
+        rows: list[tuple[str, list[NDArray]]] = [("recorded dry", [projected.raw])]
         for w in _WETNESS:
             water = water_level(scene.maps, scene.grid, w, settings.water)
             wet = wet_frame(projected, separation, water, settings.seed, settings.bounces)
@@ -108,30 +110,35 @@ def planar_mirror(frame: ProjectedFrame, separation: Separation, wet: WetFrame) 
 
 def _true_picture(world: Street, index: int, w: float, frame: ProjectedFrame) -> NDArray:
     with stage(f"true wet street, frame {index}, w = {w:.2f}"):
-        rendering = render(compile_world(world.simulation(index, w)), frame.camera, _TRUE_SAMPLES, seed=1, clamp=8.0)
-    return encode(exposed(world, rendering.radiance), frame.encoding)
+        rendering = render(compile_world(world.simulation(index, w)), frame.camera, _TRUE_SAMPLES, seed=1, clamp=_PHOTOGRAPHS.clamp)
+    return encode(_PHOTOGRAPHS.exposure * rendering.radiance, frame.encoding)
 
 
 def _score(picture: NDArray, truth: NDArray, ground: NDArray[np.bool_]) -> tuple[float, float]:
     """Return PSNR and mean SSIM over the ground's pixels, of 8-bit pictures."""
     psnr = peak_signal_noise_ratio(truth[ground], picture[ground], data_range=255)
-    _, ssim = structural_similarity(truth, picture, channel_axis=-1, data_range=255, full=True)
-    return float(psnr), float(ssim[ground].mean())
+    ssim = structural_similarity(truth, picture, channel_axis=-1, data_range=255, full=True)[1]
+    return float(psnr), float(np.asarray(ssim)[ground].mean())
 
 
 def _separation_proof(
     report: Report, world: Street, index: int, frame: ProjectedFrame, separation: Separation, folder: Path
 ) -> None:
     """Compare the separated specular layer with the true one: the ground's own lobes in the true, dry world."""
-    true = render(compile_world(world.simulation(index)), frame.camera, _TRUE_SAMPLES, seed=2, specular_only=True, clamp=8.0)
-    layer = exposed(world, true.radiance)
+    dry = compile_world(world.simulation(index))
+    true = render(dry, frame.camera, _TRUE_SAMPLES, seed=2, specular_only=True, clamp=_PHOTOGRAPHS.clamp)
+    layer = _PHOTOGRAPHS.exposure * true.radiance
     ground = separation.share == 1
     ours = separation.scale * separation.specular
     error = float(np.sqrt(np.mean((ours - layer)[ground] ** 2)))
     # What one would believe without separating: no specular light at all.
     nothing = float(np.sqrt(np.mean(layer[ground] ** 2)))
-    report.proof(name="separated specular layer: RMSE, below that of no separation", value=error, bound=nothing, holds=error < nothing)
-    shown = [np.rint(255 * np.clip(4 * np.where(ground[..., None], v, 0), 0, 1) ** (1 / 2.2)).astype(np.uint8) for v in (ours, layer)]
+    report.proof(
+        name="separated specular layer: RMSE, below that of no separation", value=error, bound=nothing, holds=error < nothing
+    )
+    shown = [
+        np.rint(255 * np.clip(4 * np.where(ground[..., None], v, 0), 0, 1) ** (1 / 2.2)).astype(np.uint8) for v in (ours, layer)
+    ]
     contact_sheet([("specular layer of the ground (x 4): separated | true", shown)], folder / "specular_layer.png")
 
 
@@ -148,8 +155,8 @@ def _recomposition_proof(
     z = (first.specular - second.specular)[ground] / np.sqrt((first.variance + second.variance)[ground] + 1e-20)
     # Scrambled Sobol points only lower the variance that independent samples predict: z has a deviation of at most 1.
     deviation = float(np.sqrt(np.mean(z**2)))
-    report.proof(name="recomposition at w = 0, second seed: deviation over prediction", value=deviation, bound=1.0, holds=deviation <= 1.0)
+    report.proof(
+        name="recomposition at w = 0, second seed: deviation over prediction", value=deviation, bound=1.0, holds=deviation <= 1.0
+    )
     clamped = first.clamped_share
     report.proof(name="share of the ground's pixels clamped (reported)", value=clamped, bound=1.0, holds=True)
-
-

@@ -37,4 +37,4 @@ def _scaled(picture: NDArray, width: int) -> NDArray[np.uint8]:
     picture = np.repeat(picture[..., None], 3, axis=2) if picture.ndim == 2 else picture
     picture = (picture >> 8).astype(np.uint8) if picture.dtype == np.uint16 else picture
     height = round(picture.shape[0] * width / picture.shape[1])
-    return cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA), np.uint8)

@@ -18,7 +18,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--frames", type=int, default=8, help="length of the drive (default: 8)")
     parser.add_argument("--width", type=int, default=640, help="width of the pictures [px] (default: 640)")
     parser.add_argument("--height", type=int, default=270, help="their height [px] (default: 270)")
-    parser.add_argument("--samples", type=int, default=64, help="paths per pixel of the photographs and of the rain (default: 64)")
+    parser.add_argument("--samples", type=int, default=32, help="paths per pixel of the photographs and of the rain (default: 32)")
     parser.add_argument("--seed", type=int, default=0, help="seed of world and light")
     add_common_flags(parser)
     return run_command(parser, _run, argv)
@@ -35,12 +35,12 @@ def _run(args: argparse.Namespace) -> None:
 
     from .augment import AugmentSettings, augment, summarise
     from .contact_sheet import contact_sheet
-    from .photograph import photograph
+    from .photograph import PhotographSettings, photograph
 
     output = Path(args.output)
     world = street(StreetSettings(frames=args.frames, width=args.width, height=args.height, seed=args.seed))
     with stage("photographing the built-in street"):
-        photograph(world, output / "recording", args.samples, args.seed)
+        photograph(world, output / "recording", PhotographSettings(samples=args.samples, render_seed=args.seed))
     with stage("building the scene"):
         build(read_recording(output / "recording"), output / "scene", BuildSettings(seed=args.seed))
     scene = read_scene(output / "scene")

@@ -144,7 +144,7 @@ def separate(
     roughness = roughness_map(frame.image, mask, relief)
     height = height_variation(frame.image, mask, relief)
     normal = bump_normals(height, frame.position, frame.normal, mask, relief)
-    normal = np.where(mask[..., None], normal, np.float32([0, 0, 1])).astype(np.float32)
+    normal = np.where(mask[..., None], normal, (0.0, 0.0, 1.0)).astype(np.float32)
     ground = WetGround(
         roughness=roughness.astype(np.float32),
         normal=normal,
@@ -159,15 +159,16 @@ def separate(
         strength=strength,
         mean_roughness=0.5 * (relief.roughness_min + relief.roughness_max),
     )
-    if wanted is None:
-        wanted = binary_dilation(mask, np.ones((3, 3), bool)) & (frame.instance == 0)
-    dry = trace_specular(frame, ground, frame.image, wanted, samples, seed, bounces)
+    # By default one pixel around: its square may reach the ground though its centre does not.
+    near: NDArray[np.bool_] = np.asarray(binary_dilation(mask, np.ones((3, 3), bool)), np.bool_) & (frame.instance == 0)
+    traced = near if wanted is None else wanted
+    dry = trace_specular(frame, ground, frame.image, traced, samples, seed, bounces)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(dry.specular > frame.image, frame.image / dry.specular, 1.0)
     # An image with negative values (EXR keeps them) has nothing to give away there.
     scale = np.clip(np.nan_to_num(scale, nan=1.0), 0, 1).astype(np.float32)
-    diffuse = frame.image - scale * dry.specular
-    return Separation(ground, wanted, dry.specular, scale, diffuse, dry.share, dry.variance, samples)
+    diffuse = (frame.image - scale * dry.specular).astype(np.float32)
+    return Separation(ground, traced, dry.specular, scale, diffuse, dry.share, dry.variance, samples)
 
 
 def water_normals(height: NDArray[np.float32], coverage: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
@@ -192,7 +193,7 @@ def water_normals(height: NDArray[np.float32], coverage: NDArray[np.float32], ce
     """
     plane = fit_local_plane(height, coverage, _PLANE_SCALE, cell)
     normal = np.stack([-plane.slope_x, -plane.slope_y, np.ones_like(plane.level)], axis=-1)
-    normal = np.where(np.isfinite(plane.level)[..., None], np.nan_to_num(normal), np.float32([0, 0, 1]))
+    normal = np.where(np.isfinite(plane.level)[..., None], np.nan_to_num(normal), (0.0, 0.0, 1.0))
     return (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32)
 
 

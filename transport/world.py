@@ -90,12 +90,13 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     kept = reuse is not None and reuse.arrays.num_static_faces == num_static and len(reuse.shapes) >= len(static)
     kept = kept and all(old.mesh is new.mesh for old, new in zip(reuse.shapes, static, strict=False))  # type: ignore[union-attr]
     tree = reuse.scenes[0] if kept and reuse is not None else EmbreeScene(vertices, faces[:num_static], 0)
-    scenes = (tree, EmbreeScene(vertices, faces[num_static:], 1)) if moving else (tree,)
+    moving_tree = EmbreeScene(vertices, faces[num_static:], 1) if moving else None
+    scenes = (tree,) if moving_tree is None else (tree, moving_tree)
     names = list(simulation.materials)
     kinds, values, slots, texels, info = _materials(simulation.materials)
     arrays = a.WorldArrays(
-        static_scene=scenes[0].handle,
-        dynamic_scene=scenes[1].handle if moving else 0,
+        static_scene=tree.handle,
+        dynamic_scene=0 if moving_tree is None else moving_tree.handle,
         num_static_faces=num_static,
         has_cutouts=bool(np.any(slots[:, a.OPACITY_TEXTURE] >= 0)),
         vertices=vertices,

@@ -90,7 +90,7 @@ def plain_street(
         frames.append(Frame(image.resolve(), view, response=encoding.response, masks=mask))
     write_recording(folder / "recording" / "recording.json", Recording(tuple(frames), folder, "plain"))
     one = np.ones(GRID.shape, np.float32)
-    maps = {name: 0 * one for name in GROUND_MAPS} | {"coverage": one, "mask": one, "moisture": 0.5 * one, "puddles": 0.5 * one}
+    maps = dict.fromkeys(GROUND_MAPS, 0 * one) | {"coverage": one, "mask": one, "moisture": 0.5 * one, "puddles": 0.5 * one}
     sky = np.concatenate([np.tile(SKY, (60, 120, 1)), np.zeros((60, 120, 1))], axis=-1).astype(np.float32)
     means = {name: np.array([0.3, 0.3, 0.3], np.float32) for name in ("ground", "environment", "vehicle", "pedestrian")}
     recording = read_recording(folder / "recording")
