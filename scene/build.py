@@ -86,9 +86,12 @@ def build(recording: Recording, folder: str | Path, settings: BuildSettings | No
     bare = {"ground": ground_stage.folder / "ground.ply", "environment": environment_stage.folder / "environment.ply"}
     map_inputs = {**geometry, "settings": _plain(settings, "terrain"), "seed": settings.seed}
     map_stage = stages.run("maps", map_inputs, lambda out: _maps(bare, photos, settings, out))
-    colour_stage = stages.run("colours", geometry, lambda out: _colours(bare, photos, boards, out))
+    exposure_stage = stages.run("exposure", geometry, lambda out: _exposure(bare, photos, out))
+    gains = np.array(read_json(exposure_stage.folder / "gains.json"), np.float64)
+    lit = {**geometry, "exposure": exposure_stage.digest}
+    colour_stage = stages.run("colours", lit, lambda out: _colours(bare, photos, boards, gains, out))
     sky_stage = stages.run(
-        "sky", {**geometry, "settings": _plain(settings, "sky")}, lambda out: _sky(bare, photos, boards, settings, out)
+        "sky", {**lit, "settings": _plain(settings, "sky")}, lambda out: _sky(bare, photos, boards, settings, gains, out)
     )
 
     finished = {name: result.digest for name, result in stages.results.items()}
@@ -101,7 +104,7 @@ def build(recording: Recording, folder: str | Path, settings: BuildSettings | No
     (folder / "scene.json").unlink(missing_ok=True)
     (folder / ".stages" / "written.json").unlink(missing_ok=True)
     copy = copy_recording(photos, folder / "recording")
-    scene = _assemble(recording.name, copy, colour_stage, map_stage, sky_stage, boards, saved)
+    scene = _assemble(recording.name, copy, colour_stage, map_stage, sky_stage, boards, saved, gains)
     _clear(folder / "cardboards")
     write_scene(folder, scene)
     _describe(folder, scene, read_cloud(cloud_stage.folder / "cloud.npz"), stages, board_stage)
@@ -188,21 +191,27 @@ def _maps(files: dict[str, Path], photos: Recording, settings: BuildSettings, ou
         write_exr(out / f"{name}.exr", {"Y": values})
 
 
-def _colours(files: dict[str, Path], photos: Recording, boards, out: Path) -> None:
+def _exposure(files: dict[str, Path], photos: Recording, out: Path) -> None:
+    from .projection import frame_gains
+
+    write_json(out / "gains.json", [float(gain) for gain in frame_gains(_meshes(files), photos)])
+
+
+def _colours(files: dict[str, Path], photos: Recording, boards, gains: NDArray[np.float64], out: Path) -> None:
     from .projection import class_means, fill_colours
 
     meshes = _meshes(files)
-    coloured = fill_colours(meshes, photos, boards)
+    coloured = fill_colours(meshes, photos, boards, gains)
     for name, file in files.items():
         write_ply(out / f"{name}.ply", coloured[name] if name in coloured else _uncoloured(read_ply(file)))
     means = class_means(photos, meshes, boards)
     write_json(out / "class_means.json", {name: [float(v) for v in value] for name, value in means.items()})
 
 
-def _sky(files: dict[str, Path], photos: Recording, boards, settings: BuildSettings, out: Path) -> None:
+def _sky(files: dict[str, Path], photos: Recording, boards, settings: BuildSettings, gains: NDArray[np.float64], out: Path) -> None:
     from .sky import sky_panorama
 
-    panorama = sky_panorama(photos, _meshes(files), boards, settings.sky).panorama
+    panorama = sky_panorama(photos, _meshes(files), boards, settings.sky, gains).panorama
     write_exr(out / "sky.exr", dict(zip("RGBA", np.moveaxis(panorama, -1, 0), strict=True)))
 
 
@@ -225,6 +234,7 @@ def _assemble(
     sky: StageResult,
     boards: tuple[tuple[Cardboard, ...], ...],
     saved: dict[str, Any],
+    gains: NDArray[np.float64],
 ) -> Scene:
     g = read_json(maps.folder / "grid.json")
     means = read_json(colours.folder / "class_means.json")
@@ -242,6 +252,7 @@ def _assemble(
         {key: np.array(value, np.float32) for key, value in means.items()},
         boards,
         saved,
+        tuple(float(gain) for gain in gains),
     )
 
 
