@@ -12,8 +12,9 @@ path, where a camera sees it.
 The defaults of stiffness, break and noise were chosen on a street with centimetre noise whose truth is known (error
 between the rings 1.0 mm, slope error 0.0009, 69 % of a kerb's rise within 0.3 m) and on a 64-beam scanner's street,
 where the lane's slope varies by 0.004 (0.012 at a quarter of the stiffness and a break of 0.5 mm, for a median error on
-held-out points of 8.0 instead of 8.6 mm: what was fitted closer were the beams' own offsets, ripples in a reflection). Screened Poisson (depth 11) on the same points lies closer to held-out ones (5.0 mm)
-but its lane slopes by 0.118 between neighbouring decimetres and has gaps at 12 % of the places: no mirror for water.
+held-out points of 8.0 instead of 8.6 mm: what was fitted closer were the beams' own offsets, ripples in a reflection).
+Screened Poisson (depth 11) on the same points lies closer to held-out ones (5.0 mm), but its lane slopes by 0.118 (RMS,
+over 0.1 m) and has gaps at 12 % of the places: no mirror for water.
 """
 
 from __future__ import annotations
