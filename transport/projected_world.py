@@ -102,7 +102,7 @@ def project_frame(scene: Scene, index: int, reuse: ProjectedFrame | None = None,
     # Depths around a pixel bound what it may show: on ground seen at a low angle, one row spans a metre.
     near = minimum_filter(finite, size=3, mode="nearest")
     far = np.where(np.isfinite(depth), maximum_filter(np.where(np.isfinite(depth), depth, -1.0), size=3, mode="nearest"), np.inf)
-    picture = picture._replace(near=near.astype(np.float32), far=far.astype(np.float32))
+    picture = picture._replace(texels=kernel.pack(image, near, far, instance))
     return ProjectedFrame(
         frame=frame,
         raw=raw,
@@ -194,7 +194,6 @@ def _empty_picture(
     sky_gain: float,
 ) -> kernel.Picture:
     """Return the picture before it is known what its pixels see; all that other frames saw is put into its exposure."""
-    size = image.shape[:2]
     camera, gain = scene.recording.frames[index].camera, scene.gain(index)
     # Class means are taken over all frames at their own exposures.
     mean_gain = gain / (sum(scene.gains) / len(scene.gains)) if scene.gains else 1.0
@@ -211,7 +210,19 @@ def _empty_picture(
             fill[start : start + len(shape.mesh.vertices)] = np.stack(columns, axis=1) * (gain, gain, gain, 1)  # type: ignore[arg-type]
         start += len(shape.mesh.vertices)
     instances = np.array([s.instance for s in world.shapes], np.int32)
-    nothing = np.full(size, np.inf, np.float32)
+    # Without moving things the box is empty: its low corner lies above its high one.
+    moving = world.arrays.vertices[np.unique(world.arrays.faces[world.arrays.num_static_faces :])].astype(np.float64)
+    box = np.stack([moving.min(axis=0), moving.max(axis=0)]) if len(moving) else np.array([[np.inf], [-np.inf]]).repeat(3, 1)
     seen = scene.sky.panorama[..., 3:]
     sky = np.ascontiguousarray(scene.sky.panorama[..., :3] * (seen + (1 - seen) * np.float32(sky_gain)) * np.float32(gain))
-    return kernel.Picture(image, nothing, nothing, instance, P, np.array(roles, np.int64), instances, means, fill, sky)
+    return kernel.Picture(
+        texels=kernel.pack(image, np.inf, np.inf, instance),
+        num_ground_faces=scene.ground.num_faces,
+        moving_box=box,
+        P=P,
+        role=np.array(roles, np.int64),
+        shape_instance=instances,
+        mean=means,
+        fill=fill,
+        sky=sky,
+    )

@@ -61,6 +61,15 @@ def intersect(static_scene, dynamic_scene, num_static_faces, buffer, s, ox, oy, 
 
 
 @njit(cache=True)
+def hit_normal(buffer, s):
+    """Return the geometric normal of the hit that `intersect` found last, of any length and on either side.
+
+    Embree has it at hand; from the mesh it would cost four cache misses.
+    """
+    return (np.float64(buffer[s + 12]), np.float64(buffer[s + 13]), np.float64(buffer[s + 14]))
+
+
+@njit(cache=True)
 def occluded(static_scene, dynamic_scene, buffer, s, ox, oy, oz, dx, dy, dz, far):
     """Return whether anything lies on the ray before distance `far`."""
     words = buffer.view(np.uint32)
