@@ -19,7 +19,6 @@ from scene.camera import Camera
 from scene.mesh import Mesh, write_ply
 from scene.simulation import DirectionalLight, Film, Light, Material, PointLight, Simulation
 
-from .kernels.lights import environment_radiance
 from .mitsuba_surfaces import FILM, GLOSS, register
 from .world import compile_lights
 
@@ -136,15 +135,12 @@ def _at_poles(panorama: NDArray[np.float32]) -> NDArray[np.float32]:
 
     Its first and last rows lie on the poles, ours half a row away: twice as many rows hit all our nodes.
     """
-    height, width = panorama.shape[:2]
-    out = np.empty((2 * height + 1, width, 3), np.float32)
-    azimuth = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
-    for row in range(2 * height + 1):
-        theta = np.pi * row / (2 * height)
-        for col in range(width):
-            d = (np.sin(theta) * np.cos(azimuth[col]), np.sin(theta) * np.sin(azimuth[col]), np.cos(theta))
-            out[row, col] = environment_radiance(panorama, *d)
-    return out
+    height = len(panorama)
+    row = np.clip(np.arange(2 * height + 1) / 2 - 0.5, 0, height - 1)
+    above = row.astype(int)
+    below = np.minimum(above + 1, height - 1)
+    share = (row - above).astype(np.float32)[:, None, None]
+    return panorama[above] * (1 - share) + panorama[below] * share
 
 
 def _surface(mitsuba: ModuleType, name: str, m: Material) -> dict[str, Any]:
