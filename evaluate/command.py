@@ -1,14 +1,21 @@
-"""The `meniscus` command: `meniscus doctor` looks whether everything that the toolkit needs is here and works."""
+"""The `meniscus` command: `doctor` looks whether all that the toolkit needs is here, `street` makes the built-in recording."""
 
 from __future__ import annotations
 
 import argparse
+import sys
 
 from materials.foundation.command import run_command
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command and return its exit code: 0 all is well (warnings allowed), 1 something does not work, 2 wrong use."""
+    given = sys.argv[1:] if argv is None else argv
+    if given[:1] == ["street"]:
+        # A command of its own, with settings of its own; here it has a name.
+        from transport.photograph import main as photograph_street
+
+        return photograph_street(given[1:])
     parser = argparse.ArgumentParser(
         prog="meniscus",
         description="Look after the toolkit. The work is done by scene-build and augment; each has --help.",
@@ -16,6 +23,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     subcommands = parser.add_subparsers(dest="subcommand", metavar="COMMAND")
     doctor = subcommands.add_parser("doctor", help="check libraries, name clashes, cores, memory and disk, and say what to do")
+    subcommands.add_parser("street", help="photograph the built-in street, whose truth is known (see street --help)")
     doctor.add_argument("--traceback", action="store_true", help="show the Python traceback of a failure")
     code = 0
 

@@ -6,41 +6,18 @@ values, no measurement. All maps live in the picture's pixels.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from .foundation.checks import check_finite, check_range, check_shape
 from .foundation.errors import InputError
-from .foundation.settings import setting
+from .relief_settings import ImageRelief
 
 Floats = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec. 709
-
-
-@dataclass(frozen=True)
-class ImageRelief:
-    """How roughness and relief follow from a picture; defaults are the thesis's, but for `model` and `percentile`."""
-
-    roughness_fine_px: float = setting(1.0, "fine Gaussian of the roughness, standard deviation [px] (eq. 6.7)")
-    roughness_coarse_px: float = setting(8.0, "coarse Gaussian of the roughness [px]")
-    roughness_min: float = setting(0.5, "lowest perceptual roughness of the ground (eq. 6.8)")
-    roughness_max: float = setting(1.0, "highest perceptual roughness of the ground")
-    height_fine_px: float = setting(0.1, "fine Gaussian of the height, against sensor noise [px] (eq. 6.9)")
-    height_coarse_px: float = setting(0.5, "coarse Gaussian of the height [px]")
-    bump_height: float = setting(0.003, "difference of height between the lowest and the highest point [m]")
-    percentile: float = setting(2.0, "share of the strongest detail that is clipped, so that one pixel cannot set the scale [%]")
-    max_slope: float = setting(0.6, "steepest slope of the relief [m/m]; steeper ones are scaled down")
-    model: str = setting(
-        "contrast",
-        "'contrast': detail relative to its surroundings' brightness, alike in sun and shade, no detail staying in the middle; "
-        "'thesis': plain differences of the values given, minimum and maximum becoming 0 and 1",
-        choices=("contrast", "thesis"),
-    )
 
 
 def roughness_map(image: Floats, mask: Mask, settings: ImageRelief = ImageRelief()) -> Floats:

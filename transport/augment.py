@@ -4,56 +4,29 @@ from __future__ import annotations
 
 import importlib.metadata
 import shutil
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from materials.foundation.checks import check_range
 from materials.foundation.errors import InputError
 from materials.foundation.files import make_folder, replacing, write_json
 from materials.foundation.progress import logger, tracked
-from materials.foundation.settings import as_dict, setting
-from materials.from_image import ImageRelief
+from materials.foundation.settings import as_dict
 from scene.images import write_exr, write_raw
 from scene.scene_file import Scene
-from scene.water import WaterSettings, water_level
+from scene.water import water_level
 from scene.wetting_patterns import puddle_pattern
 
+from .augment_settings import AugmentSettings, check_settings
 from .projected_world import ProjectedFrame, project_frame
 from .separate import Separation, separate, water_normals
 from .wet import WetFrame, wet_frame
 
 # The unseen sky is judged on this many frames of a drive, every so many pixels, with so many paths each.
 _GAIN_FRAMES, _GAIN_STEP, _GAIN_SAMPLES = 4, 5, 64
-
-
-@dataclass(frozen=True)
-class AugmentSettings:
-    """How wet, and how it is computed; defaults are the thesis's (6.4), deviations as documented in docs/augment.md."""
-
-    eta: float = setting(1.63, "refractive index of the dry ground (6.4.2: tarmac)")
-    porosity: float = setting(0.6, "effective porosity of the ground (2.5.2: 0.5 to 0.7 for concrete and asphalt)")
-    darkening: str = setting(
-        "lagarde", "model of the diffuse darkening of full pores", choices=("lagarde", "lekner_dorf", "twomey", "thesis")
-    )
-    strength: float = setting(0.95, "how far full accumulation goes towards smooth water (eq 6.13)")
-    bounces: int = setting(3, "reflections followed between ground and objects")
-    samples: int = setting(64, "paths per pixel")
-    noise: float = setting(
-        0.0, "if above 0: add samples until the median standard error is below this, in 8-bit levels of the picture"
-    )
-    max_samples: int = setting(1024, "most paths per pixel that --noise may take")
-    seed: int = setting(0, "seed of the paths")
-    sky_gain: float = setting(0.0, "factor on the sky that no frame saw; 0 finds the largest that the pictures allow")
-    puddle_scale: float = setting(0.0, "largest size of the puddles [m]; 0 keeps those of the scene (2 m)")
-    layers: bool = setting(True, "write the multi-layer EXR of each frame")
-    labels: bool = setting(True, "write label maps as PNG")
-    format: str = setting("same", "format of the pictures: as the input, or png, exr", choices=("same", "png", "exr"))
-    relief: ImageRelief = field(default_factory=ImageRelief)
-    water: WaterSettings = field(default_factory=WaterSettings)
 
 
 @dataclass(frozen=True)
@@ -64,27 +37,6 @@ class FrameResult:
     separation: Separation
     water: NDArray[np.float32]
     wet: WetFrame
-
-
-def check_settings(settings: AugmentSettings, wetness: list[float]) -> None:
-    """Refuse settings out of range before any work starts.
-
-    Raises
-    ------
-    InputError
-        Names the option.
-    """
-    for w in wetness:
-        check_range("wetness", w, "[0, 1]")
-    check_range("eta", settings.eta, "(1, 3]")
-    check_range("porosity", settings.porosity, "[0, 1]")
-    check_range("strength", settings.strength, "[0, 1]")
-    check_range("bounces", settings.bounces, "[1, 64]")
-    check_range("samples", settings.samples, "[1, 65536]")
-    check_range("max_samples", settings.max_samples, "[1, 65536]")
-    check_range("noise", settings.noise, "[0, 255]")
-    check_range("sky_gain", settings.sky_gain, "[0, 100]")
-    check_range("puddle_scale", settings.puddle_scale, "[0, 100]")
 
 
 def augment(

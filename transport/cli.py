@@ -27,7 +27,7 @@ def main(argv: list[str] | None = None) -> int:
         help="global wetness from 0 (dry) to 1, or several: 0.33,0.67,1 (default: 1)",
     )
     parser.add_argument("--frames", metavar="A:B", help="frames by index: 3, 0:6, 0:20:5 (default: all)")
-    from .augment import AugmentSettings
+    from .augment_settings import AugmentSettings
 
     add_flags(
         parser,
@@ -42,7 +42,8 @@ def _run(args: argparse.Namespace) -> None:
     from scene.images import read_raw
     from scene.scene_file import read_scene
 
-    from .augment import AugmentSettings, augment, check_settings, summarise
+    from .augment import augment, summarise
+    from .augment_settings import AugmentSettings, check_settings
     from .contact_sheet import contact_sheet
 
     wetness = _wetness(args.wetness)

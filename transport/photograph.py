@@ -183,7 +183,7 @@ def _note(folder: Path, identity: dict, key: str, done: list[str], name: str) ->
 
 def main(argv: list[str] | None = None) -> int:
     """Run the command; return its exit code."""
-    parser = argparse.ArgumentParser(prog="street", description="Photograph the built-in street, whose truth is known.")
+    parser = argparse.ArgumentParser(prog="meniscus street", description="Photograph the built-in street, whose truth is known.")
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder of the recording")
     parser.add_argument("--wetness", default="", metavar="W,…", help="also render the truly wet street, e.g. 0.333,0.667,1")
     add_flags(parser, StreetSettings, "the street")
