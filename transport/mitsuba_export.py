@@ -70,9 +70,9 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
             entry["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": list(material.emission)}}
         scene[f"shape_{i}"] = entry
     for name, light in simulation.lights.items():
-        entry = _light(mitsuba, light)
-        if entry is not None:
-            scene[f"light_{name}"] = entry
+        lamp = _light(mitsuba, light)
+        if lamp is not None:
+            scene[f"light_{name}"] = lamp
     return mitsuba.load_dict(scene)
 
 
@@ -140,7 +140,7 @@ def _at_poles(panorama: NDArray[np.float32]) -> NDArray[np.float32]:
     above = row.astype(int)
     below = np.minimum(above + 1, height - 1)
     share = (row - above).astype(np.float32)[:, None, None]
-    return panorama[above] * (1 - share) + panorama[below] * share
+    return (panorama[above] * (1 - share) + panorama[below] * share).astype(np.float32)
 
 
 def _surface(mitsuba: ModuleType, name: str, m: Material) -> dict[str, Any]:

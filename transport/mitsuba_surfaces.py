@@ -48,7 +48,7 @@ def diffuse_internal(eta: float, tau: np.ndarray) -> np.ndarray:
 
 
 def _classes(mi: ModuleType) -> tuple[type, type]:
-    import drjit as dr
+    import drjit as dr  # pyright: ignore[reportMissingImports]
 
     diffuse = mi.BSDFFlags.DiffuseReflection | mi.BSDFFlags.FrontSide
     glossy = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
