@@ -113,7 +113,8 @@ def direct(world, lights, buffer, s, stream, index, dimension, hit, surface, fra
                 g += f[1] * e[1] * w
                 bl += f[2] * e[2] * w
     for i in range(lights.suns.shape[0]):
-        u0, u1 = draw2(stream, index, dimension + _SUN + i)
+        # Suns are summed, so two may share numbers; running into the next bounce's block would tie bounces together.
+        u0, u1 = draw2(stream, index, dimension + _SUN + i % (_PER_BOUNCE - _SUN))
         dx, dy, dz, er, eg, eb = sample_sun(lights.suns, i, u0, u1)
         d = (dx, dy, dz)
         wi = to_local(d, t, b, n)
