@@ -64,7 +64,7 @@ def export_frame(
         start = stop
     out["bodies"], out["body_means"] = np.array(bodies, int).reshape(-1, 2), np.array(means).reshape(-1, 3)
     with replacing(file) as temporary:
-        np.savez(temporary, **out)
+        np.savez(temporary, **out)  # pyright: ignore[reportArgumentType]
 
 
 def _grid_lobes(ground: WetGround) -> NDArray[np.float32]:

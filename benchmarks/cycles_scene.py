@@ -13,7 +13,7 @@ import resource
 import sys
 import time
 
-import bpy
+import bpy  # pyright: ignore[reportMissingImports]
 import numpy as np
 
 
@@ -183,7 +183,7 @@ def _camera(camera, T_world_camera):
     data.shift_y = (camera["cy"] - height / 2) / width
     data.clip_start, data.clip_end = 0.01, 1e4
     thing = bpy.data.objects.new("camera", data)
-    from mathutils import Matrix
+    from mathutils import Matrix  # pyright: ignore[reportMissingImports]
 
     thing.matrix_world = Matrix((T_world_camera @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist())
     bpy.context.scene.collection.objects.link(thing)

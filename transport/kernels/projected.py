@@ -204,12 +204,18 @@ def is_there(picture, world, face, p, from_camera):
 
 @njit(cache=True, forceinline=True, error_model="numpy")
 def _meets_box(box, o, d):
-    """Return whether a ray meets a box; where 0 * inf gives NaN, it is taken to."""
-    enter, leave_ = 0.0, math.inf
+    """Return whether a ray meets a box; the empty box, its low corner above its high one, is met by none."""
+    near, far = 0.0, math.inf
     for c in range(3):
+        if box[0, c] > box[1, c]:
+            return False
+        if d[c] == 0.0:
+            if o[c] < box[0, c] or o[c] > box[1, c]:
+                return False
+            continue
         t0, t1 = (box[0, c] - o[c]) / d[c], (box[1, c] - o[c]) / d[c]
-        enter, leave_ = max(enter, min(t0, t1)), min(leave_, max(t0, t1))
-    return not enter > leave_
+        near, far = max(near, min(t0, t1)), min(far, max(t0, t1))
+    return near <= far
 
 
 @njit(cache=True, forceinline=True)
