@@ -213,8 +213,8 @@ def _scene(folder: Path) -> Path:
         from scene.street import StreetSettings, street
         from transport.photograph import PhotographSettings, photograph
 
-        world = street(StreetSettings(frames=4, width=1242, height=375, fov_deg=80.0))
-        recording = photograph(world, folder / "street" / "recording", PhotographSettings(samples=64))
+        world = street(StreetSettings(frames=2, width=1242, height=375, fov_deg=80.0))
+        recording = photograph(world, folder / "street" / "recording", PhotographSettings(samples=16))
         build(recording, target, BuildSettings())
     return target
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -87,3 +88,7 @@ def _frames(text: str | None, count: int) -> list[int]:
     if not indices:
         raise InputError(f"choose at least one of {count} frames", got=text, key="--frames")
     return indices
+
+
+if __name__ == "__main__":
+    sys.exit(main())

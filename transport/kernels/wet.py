@@ -179,32 +179,29 @@ def specular_pass(
                     continue
                 stream = hash2(np.uint32(row * width + col), np.uint32(seed))
                 r = g = b = rr = gg = bb = saturation = accumulation = 0.0
-                seen, last, is_ground = 0, -1, False
-                for i in range(first, first + count):
-                    if i // _SPLIT != last:
-                        last = i // _SPLIT
-                        jx, jy = draw2(stream, last, 0)
-                        o, d = camera_ray(camera, col + jx, row + jy)
-                        face, _, _, p, ng = nearest(picture, world, buffer, s, o, d, True)
-                        is_ground = face >= 0 and role_of(picture, world, face) == GROUND
-                        if is_ground:
-                            wo = (-d[0], -d[1], -d[2])
-                            ng = faces_viewer(ng, wo)
-                            level = water_at(ground, p)
-                            w_sat, w_acc = levels(level)
-                            eta, roughness, n = lobe_at(ground, row, col, p, level)
-                    if not is_ground:
+                seen = 0
+                for k in range(first // _SPLIT, (first + count + _SPLIT - 1) // _SPLIT):
+                    jx, jy = draw2(stream, k, 0)
+                    o, d = camera_ray(camera, col + jx, row + jy)
+                    face, _, _, p, ng = nearest(picture, world, buffer, s, o, d, True)
+                    if face < 0 or role_of(picture, world, face) != GROUND:
                         continue
-                    seen += 1
-                    saturation += w_sat
-                    accumulation += w_acc
-                    u0, u1 = draw2(stream, i, 1)
-                    wi, weight = mirrored(eta, roughness, n, ng, wo, u0, u1)
-                    if weight <= 0.0:
-                        continue
-                    e = reflected_radiance(world, picture, diffuse, ground, buffer, s, stream, i, p, wi, ng, weight, bounces)
-                    r, g, b = r + e[0], g + e[1], b + e[2]
-                    rr, gg, bb = rr + e[0] * e[0], gg + e[1] * e[1], bb + e[2] * e[2]
+                    wo = (-d[0], -d[1], -d[2])
+                    ng = faces_viewer(ng, wo)
+                    level = water_at(ground, p)
+                    w_sat, w_acc = levels(level)
+                    eta, roughness, n = lobe_at(ground, row, col, p, level)
+                    for i in range(max(first, k * _SPLIT), min(first + count, (k + 1) * _SPLIT)):
+                        seen += 1
+                        saturation += w_sat
+                        accumulation += w_acc
+                        u0, u1 = draw2(stream, i, 1)
+                        wi, weight = mirrored(eta, roughness, n, ng, wo, u0, u1)
+                        if weight <= 0.0:
+                            continue
+                        e = reflected_radiance(world, picture, diffuse, ground, buffer, s, stream, i, p, wi, ng, weight, bounces)
+                        r, g, b = r + e[0], g + e[1], b + e[2]
+                        rr, gg, bb = rr + e[0] * e[0], gg + e[1] * e[1], bb + e[2] * e[2]
                 share[row, col] += seen
                 wetness[row, col, 0] += saturation
                 wetness[row, col, 1] += accumulation
