@@ -114,12 +114,12 @@ def _light(mitsuba: ModuleType, light: Light) -> dict[str, Any] | None:
         if light.angular_radius == 0:
             irradiance = {"type": "rgb", "value": list(light.irradiance)}
             return {"type": "directional", "direction": (-towards).tolist(), "irradiance": irradiance}
-        solid_angle = 2 * np.pi * (1 - np.cos(light.angular_radius))
+        facing = np.pi * np.sin(light.angular_radius) ** 2
         size = _SUN_DISTANCE * np.tan(light.angular_radius)
         t = mitsuba.ScalarTransform4f
         at = (towards * _SUN_DISTANCE).tolist()
         up = [0.0, 0.0, 1.0] if abs(towards[2]) < 0.9 else [1.0, 0.0, 0.0]
-        radiance = {"type": "rgb", "value": (np.array(light.irradiance) / solid_angle).tolist()}
+        radiance = {"type": "rgb", "value": (np.array(light.irradiance) / facing).tolist()}
         to_world = t().look_at(origin=at, target=[0.0, 0.0, 0.0], up=up) @ t().scale([size, size, 1.0])
         black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
         return {"type": "disk", "to_world": to_world, "surface": black, "emitter": {"type": "area", "radiance": radiance}}

@@ -30,6 +30,12 @@ _KINDS = {
     "rough_dielectric": bsdf.ROUGH_DIELECTRIC,
     "emission": bsdf.EMISSION,
 }
+_TEXTURES = {
+    a.ALBEDO_TEXTURE: "albedo_texture",
+    a.ALPHA_TEXTURE: "alpha_texture",
+    a.NORMAL_TEXTURE: "normal_texture",
+    a.OPACITY_TEXTURE: "opacity_texture",
+}
 # What water can lie on: glass, mirrors and lamps have no diffuse base for a film to darken.
 _FILM_BASES = ("lambert", "ggx", "coated")
 
@@ -206,36 +212,35 @@ def _materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray, NDArra
     store = _TextureStore()
     for i, (name, m) in enumerate(materials.items()):
         kinds[i] = _KINDS[m.model]
-        # The width of a coat is that of its interface: smooth unless a texture or a value says otherwise.
+        # A coat is smooth unless a texture says otherwise; `Material.alpha` is the width of other models.
         alpha = 0.0 if m.model == "coated" else m.alpha
         values[i, a.ALBEDO : a.ALBEDO + 3] = m.albedo if m.albedo_texture is None else (1.0, 1.0, 1.0)
         values[i, a.SPECULAR_SCALE], values[i, a.ETA] = m.specular_scale, m.eta
         values[i, a.ALPHA_U] = values[i, a.ALPHA_V] = alpha if m.alpha_texture is None else 1.0
         values[i, a.EMISSION : a.EMISSION + 3] = m.emission
-        slots[i, a.ALBEDO_TEXTURE] = store.add(m.albedo_texture)
-        slots[i, a.ALPHA_TEXTURE] = store.add(m.alpha_texture)
-        slots[i, a.NORMAL_TEXTURE] = store.add(m.normal_texture)
-        slots[i, a.OPACITY_TEXTURE] = store.add(m.opacity_texture)
+        for slot, kind in _TEXTURES.items():
+            slots[i, slot] = store.add(getattr(m, kind), f"materials.{name}.{kind}")
         if m.film is not None:
             if m.model not in _FILM_BASES:
                 raise InputError(
                     f"be None unless the model is one of {', '.join(_FILM_BASES)}", got=m.model, key=f"materials.{name}.film"
                 )
             check_range(f"materials.{name}.film.eta", m.film.eta, "[1, 3]")
-            _film(m.film, values[i], slots[i], store)
+            _film(m.film, values[i], slots[i], store, f"materials.{name}.film")
         if not np.all(np.isfinite(values[i])):
             raise InputError("be finite", got="NaN or infinity", key=f"materials.{name}")
     return kinds, values, slots, *store.arrays()
 
 
-def _film(film: Film, values: NDArray, slots: NDArray, store: _TextureStore) -> None:
-    for given, column, slot in (
-        (film.coverage, a.FILM_COVERAGE, a.COVERAGE_TEXTURE),
-        (film.thickness, a.FILM_THICKNESS, a.THICKNESS_TEXTURE),
+def _film(film: Film, values: NDArray, slots: NDArray, store: _TextureStore, key: str) -> None:
+    for kind, column, slot in (
+        ("coverage", a.FILM_COVERAGE, a.COVERAGE_TEXTURE),
+        ("thickness", a.FILM_THICKNESS, a.THICKNESS_TEXTURE),
     ):
+        given = getattr(film, kind)
         is_texture = isinstance(given, np.ndarray)
         values[column] = 1.0 if is_texture else given
-        slots[slot] = store.add(given) if is_texture else -1
+        slots[slot] = store.add(given, f"{key}.{kind}") if is_texture else -1
     values[a.FILM_ETA], values[a.FILM_ALPHA], values[a.FILM_LEVEL] = film.eta, film.alpha, film.level
     values[a.FILM_SIGMA_A : a.FILM_SIGMA_A + 3] = film.sigma_a
 
@@ -247,10 +252,12 @@ class _TextureStore:
         self._textures: list[NDArray] = []
         self._index: dict[int, int] = {}
 
-    def add(self, texture: NDArray | None) -> int:
+    def add(self, texture: NDArray | None, key: str) -> int:
         if texture is None:
             return -1
         if id(texture) not in self._index:
+            if not np.all(np.isfinite(texture)):
+                raise InputError("be finite", got="NaN or infinity", key=key)
             self._index[id(texture)] = len(self._textures)
             self._textures.append(texture)
         return self._index[id(texture)]
@@ -272,7 +279,10 @@ def _sun(light: DirectionalLight, name: str) -> list[float]:
     _check_brightness(f"lights.{name}.irradiance", light.irradiance)
     check_range(f"lights.{name}.angular_radius", light.angular_radius, "[0, 1.5]")
     cos = float(np.cos(light.angular_radius))
-    return [*(direction / length), *light.irradiance, cos, 2 * np.pi * (1 - cos)]
+    solid_angle = 2 * np.pi * (1 - cos)
+    # A disc of radiance L gives a plane that faces it L pi sin^2, and carries L times its solid angle.
+    power = np.asarray(light.irradiance, np.float64) * 2 / (1 + cos)
+    return [*(direction / length), *power, cos, solid_angle]
 
 
 def _panorama(light: EnvironmentLight, name: str) -> NDArray[np.float32]:

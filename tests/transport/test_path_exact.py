@@ -190,8 +190,23 @@ def test_a_disc_is_seen_in_a_mirror_at_its_radiance():
     disc = {"sun": DirectionalLight((0, 0, -1), (2.0, 2.0, 2.0), radius)}
     lit = world({"floor": (floor(), Material("mirror", (0.5, 0.5, 0.5)))}, disc)
     view = camera((0, 0, 3), (0, 0, 0), 8, 8, 2)
-    expected = 0.5 * 2.0 / (2 * np.pi * (1 - np.cos(radius)))
+    # A disc of radiance L gives a plane that faces it the irradiance L pi sin^2.
+    expected = 0.5 * 2.0 / (np.pi * np.sin(radius) ** 2)
     np.testing.assert_allclose(render(lit, view, samples=2).radiance, expected, rtol=1e-5)
+
+
+def test_a_coat_is_as_rough_as_its_texture_says():
+    # A black base leaves the interface's own lobe, whose reflectance is that of a film of the same index and width.
+    seen = []
+    for material in (
+        Material("coated", (0.0, 0.0, 0.0), eta=1.33, alpha_texture=np.full((2, 2), 0.25, np.float32)),
+        Material("lambert", (0.0, 0.0, 0.0), film=Film(1.0, eta=1.33, alpha=0.25, level=False)),
+    ):
+        sun = {"sun": DirectionalLight((0.95, 0.05, -0.3), (3.0, 3.0, 3.0))}
+        seen.append(render(world({"floor": (floor(), material)}, sun), OBLIQUE, samples=4, max_bounces=1).radiance)
+    assert seen[0].min() > 0
+    # The same paths in double precision; the texture's width comes through bilinear weights.
+    np.testing.assert_allclose(seen[0], seen[1], rtol=1e-5)
 
 
 def test_a_film_of_coverage_0_is_none_and_of_half_is_the_mean():

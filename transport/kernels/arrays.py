@@ -9,8 +9,9 @@ NUM_VALUES = 18
 # Columns of WorldArrays.material_textures; -1 is none.
 ALBEDO_TEXTURE, ALPHA_TEXTURE, NORMAL_TEXTURE, OPACITY_TEXTURE, COVERAGE_TEXTURE, THICKNESS_TEXTURE = 0, 1, 2, 3, 4, 5
 NUM_TEXTURES = 6
-# Columns of LightArrays.suns and .points.
-SUN_DIRECTION, SUN_IRRADIANCE, SUN_COS, SUN_SOLID_ANGLE = 0, 3, 6, 7
+# Columns of LightArrays.suns and .points. SUN_POWER is radiance times solid angle: the irradiance, but for the cosine over
+# the disc.
+SUN_DIRECTION, SUN_POWER, SUN_COS, SUN_SOLID_ANGLE = 0, 3, 6, 7
 POINT_POSITION, POINT_INTENSITY = 0, 3
 
 

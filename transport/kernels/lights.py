@@ -9,7 +9,7 @@ from numba import njit
 
 from materials.kernels.frames import basis
 
-from .arrays import SUN_COS, SUN_DIRECTION, SUN_IRRADIANCE, SUN_SOLID_ANGLE
+from .arrays import SUN_COS, SUN_DIRECTION, SUN_POWER, SUN_SOLID_ANGLE
 
 
 @njit(cache=True)
@@ -99,8 +99,7 @@ def sample_environment(panorama, row_cdf, col_cdf, u0, u1):
 def sample_sun(suns, i, u0, u1):
     """Return (direction, radiance over pdf) of a point on a sun's disc; a delta sun always gives its centre.
 
-    The disc's radiance is irradiance / solid angle (its cosine differs from 1 by 1e-5 for the sun) and its density
-    1 / solid angle, so their quotient is the irradiance.
+    The density is 1 / solid angle, so the quotient is radiance times solid angle, `SUN_POWER`.
     """
     dx, dy, dz = suns[i, SUN_DIRECTION], suns[i, SUN_DIRECTION + 1], suns[i, SUN_DIRECTION + 2]
     cos_max = suns[i, SUN_COS]
@@ -111,7 +110,7 @@ def sample_sun(suns, i, u0, u1):
         t, b = basis((dx, dy, dz))
         x, y = s * math.cos(phi), s * math.sin(phi)
         dx, dy, dz = x * t[0] + y * b[0] + z * dx, x * t[1] + y * b[1] + z * dy, x * t[2] + y * b[2] + z * dz
-    return dx, dy, dz, suns[i, SUN_IRRADIANCE], suns[i, SUN_IRRADIANCE + 1], suns[i, SUN_IRRADIANCE + 2]
+    return dx, dy, dz, suns[i, SUN_POWER], suns[i, SUN_POWER + 1], suns[i, SUN_POWER + 2]
 
 
 @njit(cache=True)

@@ -12,7 +12,7 @@ from numba import njit, prange
 from materials.kernels import bsdf
 from materials.kernels.frames import basis, dot, to_local, to_world
 
-from .arrays import EMISSION, POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_IRRADIANCE
+from .arrays import EMISSION, POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_POWER
 from .lights import environment_pdf, environment_radiance, sample_environment, sample_sun, sun_pdf
 from .rays import intersect, occluded, ray_buffer
 from .sampler import draw1, draw2, hash2
@@ -80,11 +80,11 @@ def beyond(lights, d, pdf, is_delta):
     for i in range(lights.suns.shape[0]):
         density = sun_pdf(lights.suns, i, d[0], d[1], d[2])
         if density > 0.0:
-            # density is 1 / solid angle, so irradiance * density is the radiance of the disc.
+            # density is 1 / solid angle, so SUN_POWER * density is the radiance of the disc.
             w = density if is_delta else density * power_heuristic(pdf, density)
-            r += lights.suns[i, SUN_IRRADIANCE] * w
-            g += lights.suns[i, SUN_IRRADIANCE + 1] * w
-            b += lights.suns[i, SUN_IRRADIANCE + 2] * w
+            r += lights.suns[i, SUN_POWER] * w
+            g += lights.suns[i, SUN_POWER + 1] * w
+            b += lights.suns[i, SUN_POWER + 2] * w
     return r, g, b
 
 

@@ -193,7 +193,7 @@ def surface_at(world, hit, below_film):
         return Surface(COATED, r, g, b, specular, eta, alpha_u, alpha_v, row[FILM_ETA], row[FILM_ALPHA], tau_r, tau_g, tau_b)
     if kind == COATED:
         # A coat is a film without thickness whose index and roughness are the material's own.
-        return Surface(COATED, r, g, b, 0.0, row[ETA], alpha_u, alpha_v, row[ETA], row[ALPHA_U], 0.0, 0.0, 0.0)
+        return Surface(COATED, r, g, b, 0.0, row[ETA], alpha_u, alpha_v, row[ETA], alpha_u, 0.0, 0.0, 0.0)
     return Surface(kind, r, g, b, row[SPECULAR_SCALE], row[ETA], alpha_u, alpha_v, 1.33, 0.0, 0.0, 0.0, 0.0)
 
 
