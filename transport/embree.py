@@ -21,7 +21,7 @@ _VERTEX_BUFFER, _INDEX_BUFFER = 1, 0
 _FLOAT3, _UINT3 = 0x9003, 0x5003
 _ROBUST = 1 << 2
 _QUALITY_HIGH = 2
-_VERSION_MAJOR_PROPERTY = 1
+_VERSION_PROPERTY = 0
 _ERRORS = {
     1: "unknown error",
     2: "invalid argument",
@@ -84,7 +84,7 @@ def _load() -> ctypes.CDLL:
 
 _library = _load()
 _device = _library.rtcNewDevice(None)
-version = _library.rtcGetDeviceProperty(_device, 0)
+version = _library.rtcGetDeviceProperty(_device, _VERSION_PROPERTY)
 if not 40000 <= version < 50000:
     raise InputError(
         "be Embree 4", got=f"version {version}", key="embreex", remedy="Install a release of embreex that ships Embree 4."

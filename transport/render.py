@@ -27,8 +27,7 @@ class Rendering:
     radiance : (H, W, 3) float32
         Mean over each pixel's square [W/(m² sr)].
     variance : (H, W, 3) float32
-        Estimated variance of that mean, from the spread of the samples. Scrambled Sobol samples do better than
-        independent ones, so it is an upper estimate.
+        Estimated variance of that mean, see `variance_of_mean`.
     samples : int
         Per pixel.
     """
@@ -69,6 +68,7 @@ def render(
     InputError
         If the camera's lens distorts or a number is out of range.
     """
+    check_range("clamp", clamp, "(0, inf]")
     check_range("samples", samples, "[1, 1048576]")
     check_range("max_bounces", max_bounces, "[0, 1024]")
     view = compile_camera(camera)
@@ -91,9 +91,20 @@ def render(
             clamp,
         )
         path.render(*args, total, square)
+    variance = variance_of_mean(total, square, samples)
+    return Rendering((total / samples).astype(np.float32), variance.astype(np.float32), samples)
+
+
+def variance_of_mean(total: NDArray[np.float64], square: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """Return the variance of a mean, estimated from the sums of the samples and of their squares.
+
+    Scrambled Sobol samples do better than independent ones, so it is an upper estimate. One sample has no spread: its
+    square, which the variance exceeds at most by chance, stands in.
+    """
+    if samples == 1:
+        return square.copy()
     mean = total / samples
-    variance = np.maximum(square / samples - mean * mean, 0) / max(samples - 1, 1)
-    return Rendering(mean.astype(np.float32), variance.astype(np.float32), samples)
+    return np.maximum(square / samples - mean * mean, 0) / (samples - 1)
 
 
 @dataclass(frozen=True)

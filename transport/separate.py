@@ -15,6 +15,7 @@ from scene.map_filters import fit_local_plane
 
 from .kernels.wet import WetGround, specular_pass
 from .projected_world import ProjectedFrame
+from .render import variance_of_mean
 from .world import compile_camera
 
 # Water follows the street at this scale (sigma): far above a kerb's or a gutter's width, below a hill's.
@@ -37,7 +38,7 @@ class Separation:
         Factor in [0, 1] that keeps the specular part within what was observed; below 1 the light that was guessed
         to reach the ground is too strong there.
     diffuse : (H, W, 3) float32
-        The picture less `scale * specular` (eq 6.11), never negative.
+        The picture less `scale * specular` (eq 6.11), never negative where the picture is not.
     share : (H, W) float32
         Share of the pixel that sees the ground.
     variance : (H, W, 3) float32
@@ -98,9 +99,8 @@ def trace_specular(
     view = compile_camera(frame.camera)
     args = (frame.world.arrays, frame.picture, diffuse, ground, view, wanted, 0, samples, seed & 0xFFFFFFFF, bounces)
     specular_pass(*args, specular, square, dimming, share, wetness)
-    mean = specular / samples
-    variance = np.maximum(square / samples - mean * mean, 0) / max(samples - 1, 1)
-    parts = (mean, variance, dimming / samples, share / samples, wetness / samples)
+    variance = variance_of_mean(specular, square, samples)
+    parts = (specular / samples, variance, dimming / samples, share / samples, wetness / samples)
     return SpecularPass(*(part.astype(np.float32) for part in parts))
 
 

@@ -147,6 +147,7 @@ def bad_mesh(**changes):
 
 
 BROKEN = np.array([[0, 0, np.nan]] * 4, np.float32)
+BAD_TEXTURE = np.array([[0.5, np.nan]], np.float32)
 
 
 @pytest.mark.parametrize(
@@ -160,6 +161,8 @@ BROKEN = np.array([[0, 0, np.nan]] * 4, np.float32)
         (bad_mesh(uv=np.zeros((3, 2), np.float32)), grey(0.5), "uv of shape thing must have a row per vertex, 4"),
         (bad_mesh(faces=np.array([[0, 1, 4]], np.uint32)), grey(0.5), "vertex indices of shape thing must lie below 4, got 4"),
         (floor(), Material(albedo=(np.nan, 0, 0)), "materials.thing must be finite"),
+        (floor(), Material(albedo_texture=BAD_TEXTURE), "materials.thing.albedo_texture must be finite"),
+        (floor(), Material(film=Film(BAD_TEXTURE)), "materials.thing.film.coverage must be finite"),
         (floor(), Material("mirror", film=Film(1.0)), "materials.thing.film must be None unless"),
         (floor(), Material("lambert", film=Film(1.0, eta=0.9)), "materials.thing.film.eta must lie in"),
     ],
@@ -181,3 +184,12 @@ def test_an_empty_world_and_a_bent_camera_are_refused():
         render(lit, VIEW, samples=0)
     with pytest.raises(InputError, match=r"max_bounces must lie in \[0"):
         render(lit, VIEW, max_bounces=-1)
+
+
+def test_one_sample_claims_no_certainty_and_a_negative_clamp_is_refused():
+    lit = world({"floor": (floor(), grey(0.5))}, {"sky": EnvironmentLight((1, 1, 1))})
+    once = render(lit, VIEW, samples=1)
+    seen = once.radiance > 0
+    assert seen.any() and np.all(once.variance[seen] > 0)
+    with pytest.raises(InputError, match=r"clamp must lie in \(0, inf\]"):
+        render(lit, VIEW, samples=1, clamp=-1.0)
