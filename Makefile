@@ -2,15 +2,15 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup lint format test demo bench proof lock clean
+.PHONY: help setup lint format test demo bench proof notebooks lock clean
 export PYTHON
 
 BIN := .venv/bin
 PACKAGES := materials scene transport evaluate
-CODE := $(PACKAGES) benchmarks tests tools
+CODE := $(PACKAGES) benchmarks notebooks tests tools
 
 help:  ## print this list
-	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | while IFS=$$'\t' read -r name text; do printf '  make %-7s %s\n' "$$name" "$$text"; done
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | while IFS=$$'\t' read -r name text; do printf '  make %-9s %s\n' "$$name" "$$text"; done
 
 setup:  ## build .venv: system libraries, locked requirements, this checkout
 	@tools/setup.sh
@@ -36,6 +36,10 @@ bench: setup  ## measure speed against other renderers (they are installed first
 
 proof: setup  ## show what is claimed, number by number -> out/proof.jsonl
 	$(BIN)/python -m benchmarks.proof $(ARGS)
+
+notebooks: setup  ## run the notebooks in notebooks/ (Jupyter is installed into .venv first)
+	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements-notebooks.lock
+	$(BIN)/python -m pytest --nbmake --nbmake-timeout=1200 notebooks/*.ipynb $(ARGS)
 
 lock: setup  ## renew the lock files from pyproject.toml (needs network and uv)
 	tools/lock.sh
