@@ -36,6 +36,9 @@ _TEXTURES = {
     a.NORMAL_TEXTURE: "normal_texture",
     a.OPACITY_TEXTURE: "opacity_texture",
 }
+_RANGES = {"albedo": "[0, 1]", "eta": "(0, inf)", "alpha": "[0, inf)", "specular_scale": "[0, inf)", "emission": "[0, inf)"}
+# Beyond these the series of bounces inside a film and the tables of its rough surface have no meaning.
+_FILM_RANGES = {"coverage": "[0, 1]", "thickness": "[0, inf)", "eta": "[1, 3]", "alpha": "[0, 1]", "sigma_a": "[0, inf)"}
 # What water can lie on: glass, mirrors and lamps have no diffuse base for a film to darken.
 _FILM_BASES = ("lambert", "ggx", "coated")
 
@@ -211,6 +214,8 @@ def _materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray, NDArra
     slots = np.full((len(materials), a.NUM_TEXTURES), -1, np.int32)
     store = _TextureStore()
     for i, (name, m) in enumerate(materials.items()):
+        for key, interval in _RANGES.items():
+            check_range(f"materials.{name}.{key}", getattr(m, key), interval)
         kinds[i] = _KINDS[m.model]
         # A coat is smooth unless a texture says otherwise; `Material.alpha` is the width of other models.
         alpha = 0.0 if m.model == "coated" else m.alpha
@@ -225,7 +230,8 @@ def _materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray, NDArra
                 raise InputError(
                     f"be None unless the model is one of {', '.join(_FILM_BASES)}", got=m.model, key=f"materials.{name}.film"
                 )
-            check_range(f"materials.{name}.film.eta", m.film.eta, "[1, 3]")
+            for key, interval in _FILM_RANGES.items():
+                check_range(f"materials.{name}.film.{key}", getattr(m.film, key), interval)
             _film(m.film, values[i], slots[i], store, f"materials.{name}.film")
         if not np.all(np.isfinite(values[i])):
             raise InputError("be finite", got="NaN or infinity", key=f"materials.{name}")
