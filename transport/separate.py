@@ -148,7 +148,7 @@ def separate(
     ground = WetGround(
         roughness=roughness.astype(np.float32),
         normal=normal,
-        attenuation=_attenuation(frame.image, mask, porosity, darkening, reference_albedo),
+        attenuation=_attenuation(frame.image, mask, porosity, darkening, reference_albedo, eta),
         water=np.zeros(grid.shape, np.float32),
         water_normal=water_normal,
         x_min=grid.x_min,
@@ -198,8 +198,8 @@ def water_normals(height: NDArray[np.float32], coverage: NDArray[np.float32], ce
 
 
 def _attenuation(
-    image: NDArray[np.float32], mask: NDArray[np.bool_], porosity: float, darkening: str, reference_albedo: float
+    image: NDArray[np.float32], mask: NDArray[np.bool_], porosity: float, darkening: str, reference_albedo: float, eta: float
 ) -> NDArray[np.float32]:
     mean = float(image[mask].mean()) if mask.any() else 1.0
     albedo = np.clip(image / max(mean, 1e-6) * reference_albedo, 0.0, 1.0)
-    return diffuse_attenuation(albedo, 1.0, porosity, darkening).astype(np.float32)  # type: ignore[arg-type]
+    return diffuse_attenuation(albedo, 1.0, porosity, darkening, eta=eta).astype(np.float32)  # type: ignore[arg-type]

@@ -108,6 +108,17 @@ def test_saturated_ground_is_darker_by_rho_in_its_diffuse_light(tmp_path):
     assert np.allclose(wet.diffuse[inside], 0.52 * separation.diffuse[inside], rtol=1e-5)
 
 
+def test_wet_grains_darken_the_more_the_nearer_their_index_is_to_waters(tmp_path):
+    # Twomey: in water grains of nearly its index scatter straight on, so light goes deeper and less of it returns.
+    frame = project_frame(plain_street(tmp_path), 0)
+    upright = np.tile(np.array([0, 0, 1], np.float32), (*GRID.shape, 1))
+    kept = []
+    for eta in (1.4, 1.63, 1.9):
+        ground = separate(frame, GRID, upright, FLAT, eta, 0.6, "twomey", 0.95, 1, 0, BOUNCES).ground
+        kept.append(float(ground.attenuation[frame.is_ground].mean()))
+    assert kept[0] < kept[1] < kept[2] < 1
+
+
 def test_a_puddle_mirrors_the_wall_where_a_mirror_would(tmp_path):
     frame, separation = taken_apart(plain_street(tmp_path), samples=32)
     ground = separation.ground._replace(strength=1.0)
