@@ -49,10 +49,14 @@ def _settings(args: argparse.Namespace) -> BuildSettings:
     file = Path(args.settings) if args.settings else None
     settings = from_mapping(BuildSettings, read_toml(file) if file else {}, file=file)
     changed: dict[str, Any] = {} if args.seed is None else {"seed": args.seed}
-    for name, kind in _stages().items():
-        given = {item.name: getattr(args, item.name) for item in fields(kind) if getattr(args, item.name) is not None}
-        changed[name] = replace(getattr(settings, name), **given)
-    return replace(settings, **changed)
+    try:
+        for name, kind in _stages().items():
+            given = {item.name: getattr(args, item.name) for item in fields(kind) if getattr(args, item.name) is not None}
+            changed[name] = replace(getattr(settings, name), **given)
+        return replace(settings, **changed)
+    except InputError as error:  # what came from the file has been checked above
+        flag = "--" + (error.key or "").replace("_", "-")
+        raise InputError(error.must, got=error.got, key=flag, remedy=error.remedy) from error
 
 
 def _chosen(count: int, text: str) -> list[int]:

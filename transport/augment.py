@@ -16,11 +16,12 @@ from materials.foundation.files import make_folder, replacing, write_json
 from materials.foundation.progress import logger, tracked
 from materials.foundation.settings import as_dict
 from scene.images import write_exr, write_raw
+from scene.recording import Frame
 from scene.scene_file import Scene
 from scene.water import water_level
 from scene.wetting_patterns import puddle_pattern
 
-from .augment_settings import AugmentSettings, check_settings
+from .augment_settings import AugmentSettings, check_wetness
 from .projected_world import ProjectedFrame, project_frame
 from .separate import Separation, separate, water_normals
 from .wet import WetFrame, wet_frame
@@ -66,7 +67,12 @@ def augment(
     InputError
         If a setting is out of range or an input cannot be used.
     """
-    check_settings(settings, wetness)
+    check_wetness(wetness)
+    if settings.format == "png":
+        for file in (scene.recording.frames[i].image for i in frames):
+            if file.suffix.lower() != ".png":
+                remedy = f"The input is {file.suffix}; use --format same."
+                raise InputError("be same or exr", got="png", key="--format", remedy=remedy)
     folder = make_folder(folder)
     normals = water_normals(scene.maps["height"], scene.maps["coverage"], scene.grid.cell)
     maps = dict(scene.maps)
@@ -173,19 +179,23 @@ def _standard_error(frame: ProjectedFrame, variance: NDArray[np.float32], share:
 def _write_frame(folder: Path, result: FrameResult, settings: AugmentSettings) -> None:
     frame, wet = result.frame, result.wet
     name = frame.frame.name
+    picture = folder / "image" / picture_name(frame.frame, settings.format)
     if settings.format == "exr":
-        write_raw(folder / "image" / f"{name}.exr", wet.image)
-    elif settings.format == "png" and frame.encoding.suffix != ".png":
-        raise InputError(
-            "be same or exr", got="png", key="--format", remedy=f"The input is {frame.encoding.suffix}; use --format same."
-        )
+        write_raw(picture, wet.image)
+    elif np.array_equal(wet.raw, frame.raw):
+        _copy(frame.frame.image, picture)  # encoding a JPEG again would change what the rain did not
     else:
-        write_raw(folder / "image" / f"{name}{frame.encoding.suffix}", wet.raw)
+        write_raw(picture, wet.raw)
     if settings.layers:
         write_exr(folder / "layers" / f"{name}.exr", layers(result))
     if settings.labels:
         for label, values in labels(result).items():
             write_raw(folder / "label" / label / f"{name}.png", values)
+
+
+def picture_name(frame: Frame, format: str) -> str:
+    """Return the file name of a frame's wet picture."""
+    return f"{frame.name}.exr" if format == "exr" else f"{frame.name}{frame.image.suffix.lower()}"
 
 
 def layers(result: FrameResult) -> dict[str, NDArray]:
@@ -244,9 +254,12 @@ def _pass_truth(frame: ProjectedFrame, folder: Path) -> None:
     }
     for kind, file in files.items():
         if file is not None:
-            target = folder / kind / f"{given.name}{file.suffix}"
-            with replacing(target) as temporary:
-                shutil.copyfile(file, temporary)
+            _copy(file, folder / kind / f"{given.name}{file.suffix}")
+
+
+def _copy(source: Path, target: Path) -> None:
+    with replacing(target) as temporary:
+        shutil.copyfile(source, temporary)
 
 
 def _figures(frame: ProjectedFrame, separation: Separation, wet: WetFrame, w: float) -> dict[str, Any]:

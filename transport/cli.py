@@ -43,14 +43,14 @@ def _run(args: argparse.Namespace) -> None:
     from scene.images import read_raw
     from scene.scene_file import read_scene
 
-    from .augment import augment, summarise
-    from .augment_settings import AugmentSettings, check_settings
+    from .augment import augment, picture_name, summarise
+    from .augment_settings import AugmentSettings, check_wetness
     from .contact_sheet import contact_sheet
 
     wetness = _wetness(args.wetness)
     file = Path(args.settings) if args.settings else None
     settings = from_flags(AugmentSettings, args, read_toml(file) if file else {}, file)
-    check_settings(settings, wetness)
+    check_wetness(wetness)
     scene = read_scene(args.scene)
     if not scene.recording.frames:
         raise InputError("have frames", got="a cloud alone", file=args.scene, remedy="Build the scene of a recording with images.")
@@ -61,7 +61,7 @@ def _run(args: argparse.Namespace) -> None:
     pictures: list[tuple[str, list[Any]]] = [("recorded", [read_raw(scene.recording.frames[i].image) for i in shown])]
     for w in wetness:
         folder = output / f"w{w:.2f}" / "image"
-        found = [next(folder.glob(f"{scene.recording.frames[i].name}.*")) for i in shown]
+        found = [folder / picture_name(scene.recording.frames[i], settings.format) for i in shown]
         if all(file.suffix != ".exr" for file in found):
             pictures.append((f"wetness {w:.2f}", [read_raw(file) for file in found]))
     if len(pictures) > 1:
@@ -71,9 +71,13 @@ def _run(args: argparse.Namespace) -> None:
 
 def _wetness(text: str) -> list[float]:
     try:
-        return [float(part) for part in text.split(",")]
+        wetness = [float(part) for part in text.split(",")]
     except ValueError as error:
         raise InputError("be numbers separated by commas", got=text, key="--wetness") from error
+    if len({f"{w:.2f}" for w in wetness}) < len(wetness):
+        remedy = "Folders are named by hundredths: give each value once, or run twice into different folders."
+        raise InputError("differ by 0.01 or more", got=text, key="--wetness", remedy=remedy)
+    return wetness
 
 
 def _frames(text: str | None, count: int) -> list[int]:
@@ -82,8 +86,8 @@ def _frames(text: str | None, count: int) -> list[int]:
         return list(range(count))
     try:
         parts = [int(part) if part else None for part in text.split(":")]
-        indices = list(range(count))[slice(*parts)] if len(parts) > 1 else [range(count)[parts[0] or 0]]
-    except (ValueError, IndexError) as error:
+        indices = list(range(count))[slice(*parts)] if len(parts) > 1 else [range(count)[int(text)]]
+    except (ValueError, IndexError, TypeError) as error:  # no number, none of the frames, more than two colons
         raise InputError(f"be A:B within 0:{count}", got=text, key="--frames") from error
     if not indices:
         raise InputError(f"choose at least one of {count} frames", got=text, key="--frames")

@@ -19,9 +19,31 @@ from .errors import InputError
 Settings = TypeVar("Settings")
 
 
-def setting(default: Any, help: str, *, choices: tuple[str, ...] | None = None) -> Any:
-    """Return a dataclass field with its help text and, for words, the words allowed."""
-    return field(default=default, metadata={"help": help, "choices": choices})
+def setting(default: Any, help: str, *, choices: tuple[str, ...] | None = None, within: str | None = None) -> Any:
+    """Return a dataclass field with its help text, for words the words allowed, for numbers the interval: `"(0, 10]"`."""
+    return field(default=default, metadata={"help": help, "choices": choices, "within": within})
+
+
+def check_settings(settings: Any) -> None:
+    """Refuse numbers outside their field's interval; for `__post_init__`, so that no such settings can exist.
+
+    Raises
+    ------
+    InputError
+        Names the field.
+    """
+    # Not `checks.check_range`, which is NumPy's: settings are loaded for --help.
+    for item in fields(settings):
+        within, value = item.metadata.get("within"), getattr(settings, item.name)
+        if within is None or value is None:
+            continue
+        if not isinstance(value, int | float) or isinstance(value, bool):
+            raise InputError("be a number", got=repr(value), key=item.name)
+        low, high = (float(end) for end in within[1:-1].split(","))
+        above = value >= low if within[0] == "[" else value > low
+        below = value <= high if within[-1] == "]" else value < high
+        if not (above and below):
+            raise InputError(f"lie in {within}", got=f"{value:g}", key=item.name)
 
 
 def add_flags(parser: argparse.ArgumentParser, kind: type, title: str) -> None:

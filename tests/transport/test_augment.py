@@ -130,6 +130,45 @@ def test_bad_options_are_named_and_nothing_is_written(scene_folder, tmp_path, ca
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("--wetness", "0.331,0.334"),
+        ("--wetness", "nan"),
+        ("--frames", "0:1:1:1"),
+        ("--frames", ""),
+        ("--frames", "7"),
+        ("--samples", "0"),
+        ("--eta", "inf"),
+        ("--seed", "-1"),
+    ],
+)
+def test_a_bad_flag_is_one_line_and_makes_no_folder(scene_folder, tmp_path, capsys, flags):
+    assert run(scene_folder, tmp_path / "out", *flags) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert error.startswith((f"meniscus: {flags[0]} must ", "meniscus: wetness must "))
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_format_that_the_input_has_not_is_refused_before_work(tmp_path, capsys):
+    write_scene(
+        tmp_path / "scene", plain_street(tmp_path / "scene", [camera(width=40, height=17)], Encoding(".jpg", "uint8", 3, "srgb"))
+    )
+    assert run(tmp_path / "scene", tmp_path / "out", "--format", "png") == 2
+    assert "--format must be same or exr, got png" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_dry_jpeg_is_the_same_file(tmp_path):
+    write_scene(
+        tmp_path / "scene", plain_street(tmp_path / "scene", [camera(width=40, height=17)], Encoding(".jpg", "uint8", 3, "srgb"))
+    )
+    assert run(tmp_path / "scene", tmp_path / "out", "--wetness", "0") == 0
+    given = tmp_path / "scene" / "recording" / "0000.jpg"
+    assert (tmp_path / "out" / "w0.00" / "image" / "0000.jpg").read_bytes() == given.read_bytes()
+
+
 def test_a_folder_that_is_no_scene_says_how_to_make_one(tmp_path, capsys):
     assert main([str(tmp_path), "-o", str(tmp_path / "out"), "--quiet"]) == 2
     assert "Build it with scene-build RECORDING -o SCENE." in capsys.readouterr().err

@@ -9,7 +9,7 @@ import pytest
 
 from materials.foundation.checks import check_range
 from materials.foundation.errors import InputError
-from materials.foundation.settings import add_flags, as_dict, from_flags, from_mapping, read_toml, setting
+from materials.foundation.settings import add_flags, as_dict, check_settings, from_flags, from_mapping, read_toml, setting
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,20 @@ def test_what_the_dataclass_does_not_know_is_refused_by_file_and_key(values, wor
 def test_a_flag_out_of_range_is_named_as_it_was_typed():
     with pytest.raises(InputError, match=r"^--wetness must lie in \[0, 1\], got 3\.$"):
         from_flags(Rain, parsed("--wetness", "3"))
+
+
+@pytest.mark.parametrize("value", [0, -1, 2.5, float("nan"), float("inf"), True, "1"])
+def test_a_setting_outside_its_interval_cannot_exist(value):
+    @dataclass(frozen=True)
+    class Narrow:
+        size: float = setting(1.0, "size", within="(0, 2]")
+
+        def __post_init__(self) -> None:
+            check_settings(self)
+
+    assert Narrow(2).size == 2
+    with pytest.raises(InputError, match=r"size must (lie in|be a number)"):
+        Narrow(value)
 
 
 def test_a_setting_without_default_must_be_given():
