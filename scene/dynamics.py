@@ -14,7 +14,7 @@ from materials.foundation.errors import InputError
 from materials.foundation.progress import tracked
 
 from .build_settings import DynamicsSettings
-from .images import read_raw
+from .images import read_ids
 from .kernels import free_space
 from .recording import Frame
 from .transforms import invert
@@ -62,7 +62,7 @@ def instance_mask(frame: Frame) -> NDArray[np.int64]:
     shape = (frame.camera.height, frame.camera.width)
     if frame.masks is None:
         return np.zeros(shape, np.int64)
-    mask = read_raw(frame.masks.file)
+    mask = read_ids(frame.masks.file)
     if mask.ndim != 2 or not np.issubdtype(mask.dtype, np.integer):
         raise InputError("hold one integer per pixel, the id of an object", got=f"{mask.shape} {mask.dtype}", file=frame.masks.file)
     if mask.shape != shape:

@@ -13,7 +13,7 @@ from materials.foundation.errors import InputError
 from materials.foundation.progress import tracked
 
 from .camera import Camera
-from .images import read_image, read_raw
+from .images import read_ids, read_image
 from .kernels import projection as kernel
 from .mesh import Mesh
 from .recording import Frame, Recording
@@ -155,7 +155,7 @@ def frame_view(frame: Frame, scene: Any) -> FrameView:
         raise InputError(f"have the camera's size {camera.width} x {camera.height}", got=size, file=frame.image)
     instances = np.zeros(linear.shape[:2], np.int32)
     if frame.masks is not None:
-        raw = read_raw(frame.masks.file)
+        raw = read_ids(frame.masks.file)
         raw = raw if raw.ndim == 2 else raw[..., 0]
         if raw.shape != linear.shape[:2]:
             size = f"{raw.shape[1]} x {raw.shape[0]}"

@@ -19,6 +19,7 @@ from materials.foundation.errors import InputError
 from materials.foundation.files import replacing
 
 RESPONSES = ("linear", "srgb")
+_PNG = b"\x89PNG\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,36 @@ def read_raw(path: str | Path) -> NDArray:
     if image.ndim == 3:
         image = np.ascontiguousarray(image[..., 2::-1]) if image.shape[2] >= 3 else image[..., 0]
     return image
+
+
+def read_ids(path: str | Path) -> NDArray:
+    """Read an image whose numbers are ids (masks, segmentations): as `read_raw`, but the stored numbers themselves.
+
+    OpenCV turns a PNG with a palette into its colours and stretches grey of 1, 2 or 4 bits to 8; here indices and small
+    numbers survive.
+
+    Raises
+    ------
+    InputError
+        As `read_raw`.
+    """
+    path = Path(path)
+    header = _bytes(path, 26)
+    if header[:8] != _PNG or len(header) < 26:
+        return read_raw(path)
+    bits, colour_type = header[24], header[25]
+    if colour_type == 3:
+        from PIL import Image
+
+        data = _bytes(path)
+        _check_whole(data, path)
+        try:
+            with Image.open(io.BytesIO(data)) as image:
+                return np.array(image)
+        except (OSError, SyntaxError, ValueError) as error:
+            raise InputError("be a whole PNG", got="a damaged one", file=path, remedy="Copy the file again.") from error
+    raw = read_raw(path)
+    return raw // (255 // (2**bits - 1)) if colour_type == 0 and bits < 8 else raw
 
 
 def decode(raw: NDArray, response: str) -> NDArray[np.float32]:
@@ -196,7 +227,7 @@ def write_exr(path: str | Path, channels: dict[str, NDArray], header: dict[str, 
 
 def _check_whole(data: bytes, path: Path) -> None:
     """Refuse a truncated PNG or JPEG, which OpenCV reads without complaint and fills with grey."""
-    if data[:8] == b"\x89PNG\r\n\x1a\n":
+    if data[:8] == _PNG:
         kind, whole = "PNG", b"IEND" in data[-16:]
     elif data[:2] == b"\xff\xd8":
         kind, whole = "JPEG", b"\xff\xd9" in data[-64:]

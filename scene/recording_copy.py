@@ -12,8 +12,9 @@ from materials.foundation.errors import InputError
 from materials.foundation.files import make_folder, replacing_folder
 from materials.foundation.progress import tracked
 
-from .images import read_raw
+from .images import read_ids, read_raw
 from .recording import Frame, Recording, read_recording, write_recording
+from .undistort import is_distorted, pinhole_of, undistort_ids, undistort_image
 
 
 def check_recording(recording: Recording) -> None:
@@ -25,7 +26,20 @@ def check_recording(recording: Recording) -> None:
         If an image, mask, disparity or segmentation is missing, damaged, or not of its camera's size; names the file
         and both sizes. Also if a mask or segmentation has colours instead of ids.
     """
-    for frame in tracked(recording.frames, "Checking images"):
+    for index, frame in enumerate(tracked(recording.frames, "Checking images", len(recording.frames))):
+        if is_distorted(frame.camera):
+            if frame.stereo is not None or frame.disparity is not None:
+                raise InputError(
+                    "be PINHOLE where there is stereo or disparity, which belong to rectified images",
+                    got="OPENCV with distortion",
+                    file=recording.root,
+                    key=f"frames[{index}].camera.model",
+                    remedy="Rectify the pair, or leave the stereo out.",
+                )
+            try:
+                pinhole_of(frame.camera)
+            except InputError as error:
+                raise error.at(file=recording.root) from error
         size = frame.camera.height, frame.camera.width
         _check(frame.image, size)
         if frame.stereo is not None:
@@ -39,7 +53,7 @@ def check_recording(recording: Recording) -> None:
 
 
 def copy_recording(recording: Recording, folder: str | Path) -> Recording:
-    """Copy a recording so that it stands on its own, byte for byte, and return it re-read.
+    """Copy a recording so that it stands on its own, and return it re-read: byte for byte, or undistorted.
 
     Parameters
     ----------
@@ -52,8 +66,9 @@ def copy_recording(recording: Recording, folder: str | Path) -> Recording:
     Returns
     -------
     copy : Recording
-        Read back from the new file. Sweeps and the static cloud are not copied, since a scene has their meshes; only a
-        recording without frames keeps its cloud, as it has nothing else.
+        Read back from the new file. Pictures, masks and segmentations of a lens with distortion are resampled to a
+        PINHOLE camera, as the tracer has no other. Sweeps and the static cloud are not copied, since a scene has their
+        meshes; only a recording without frames keeps its cloud, as it has nothing else.
 
     Raises
     ------
@@ -91,6 +106,9 @@ def unique_names(recording: Recording) -> list[str]:
 
 
 def _copy_frame(frame: Frame, name: str, folder: Path) -> Frame:
+    if is_distorted(frame.camera):
+        return _undistorted(frame, name, folder)
+
     def copied(file: Path, kind: str) -> Path:
         return _copy(file, folder / kind / (name + file.suffix))
 
@@ -106,6 +124,28 @@ def _copy_frame(frame: Frame, name: str, folder: Path) -> Frame:
     )
 
 
+def _undistorted(frame: Frame, name: str, folder: Path) -> Frame:
+    camera = frame.camera
+    pinhole = pinhole_of(camera)
+
+    def straightened(file: Path, kind: str) -> Path:
+        target = folder / kind / (name + file.suffix)
+        undistort_ids(file, target, camera, pinhole)
+        return target
+
+    image = folder / "image" / (name + frame.image.suffix)
+    undistort_image(frame.image, image, camera, pinhole, frame.response)
+    masks, segmentation = frame.masks, frame.segmentation
+    return replace(
+        frame,
+        image=image,
+        camera=pinhole,
+        points=None,
+        masks=None if masks is None else replace(masks, file=straightened(masks.file, "mask")),
+        segmentation=None if segmentation is None else straightened(segmentation, "segmentation"),
+    )
+
+
 def _copy(source: Path, target: Path) -> Path:
     make_folder(target.parent)
     try:
@@ -117,7 +157,7 @@ def _copy(source: Path, target: Path) -> Path:
 
 def _check(file: Path, size: tuple[int, int], what: str = "image", ids: bool | None = None) -> None:
     """Decode a file and compare its size (rows, columns); `ids` says whether it must hold whole numbers."""
-    raw = read_raw(file)
+    raw = read_ids(file) if ids else read_raw(file)
     if raw.shape[:2] != size:
         got = f"{raw.shape[1]} x {raw.shape[0]}"
         raise InputError(

@@ -16,7 +16,7 @@ from materials.foundation.checks import check_range
 from materials.foundation.errors import InputError
 from materials.foundation.progress import tracked
 
-from .images import encode, read_image, read_raw
+from .images import encode, read_ids, read_image, read_raw
 from .recording import Frame, Recording
 from .transforms import transform_points
 
@@ -212,7 +212,7 @@ def _depth_map(frame: Frame, max_depth: float) -> _DepthMap:
         sigma[measured] = SIGMA_MEASURED / scale
     inverse[inverse < 1 / max_depth] = 0
     if frame.masks is not None:
-        dynamic = (read_raw(frame.masks.file) > 0).astype(np.uint8)
+        dynamic = (read_ids(frame.masks.file) > 0).astype(np.uint8)
         # Matching windows smear an object over its outline by half their size.
         inverse[cv2.dilate(dynamic, np.ones((2 * _BLOCK + 1, 2 * _BLOCK + 1), np.uint8)) > 0] = 0
     return _DepthMap(inverse, sigma)

@@ -33,7 +33,7 @@ from materials.foundation.progress import logger
 
 from .frame_view import FrameView, frame_views
 from .grid import GroundGrid
-from .images import read_raw
+from .images import read_ids
 from .map_filters import blur, fill_holes, fit_local_plane
 from .merge_views import MergedColours
 from .mesh import Mesh
@@ -152,7 +152,7 @@ def _segmented(points: NDArray, normals: NDArray, recording: Recording, meshes: 
     for i, view in zip(indices, frame_views(recording, meshes, "Wetness mask", indices), strict=True):
         file = recording.frames[i].segmentation
         assert file is not None
-        labels = read_raw(file)
+        labels = read_ids(file)
         labels = labels if labels.ndim == 2 else labels[..., 0]
         if labels.shape != view.depth.shape:
             size = f"{labels.shape[1]} x {labels.shape[0]}"

@@ -10,7 +10,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from materials.foundation.errors import InputError
 from scene.camera import Camera
-from scene.images import Encoding, decode, read_raw
+from scene.images import Encoding, decode, read_ids, read_raw
 from scene.mesh import Mesh
 from scene.recording import Frame
 from scene.scene_file import Cardboard, Scene
@@ -138,7 +138,7 @@ def _mask(frame: Frame) -> NDArray[np.int32]:
     size = (frame.camera.height, frame.camera.width)
     if frame.masks is None:
         return np.zeros(size, np.int32)
-    mask = read_raw(frame.masks.file)
+    mask = read_ids(frame.masks.file)
     if mask.shape != size:
         got = " x ".join(str(n) for n in mask.shape[::-1])
         raise InputError(f"have the image's size {size[1]} x {size[0]}", got=got, file=frame.masks.file)

@@ -1,15 +1,18 @@
 from __future__ import annotations
 
+import struct
 import subprocess
 import sys
+import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from PIL import Image
 
 from materials.foundation.errors import InputError
-from scene.images import Encoding, decode, encode, read_exr, read_image, read_raw, write_exr, write_image, write_raw
+from scene.images import Encoding, decode, encode, read_exr, read_ids, read_image, read_raw, write_exr, write_image, write_raw
 
 CHECKOUT = Path(__file__).parents[2]
 rng = np.random.default_rng(1)
@@ -57,6 +60,36 @@ def test_a_file_read_and_written_again_is_the_same_to_the_bit(tmp_path, suffix, 
     assert linear.shape == (7, 5, 3) and linear.dtype == np.float32
     write_image(tmp_path / f"b{suffix}", linear, encoding)
     assert np.array_equal(read_raw(tmp_path / f"b{suffix}"), raw)
+
+
+def test_ids_behind_a_palette_survive(tmp_path):
+    ids = rng.integers(0, 256, (20, 30), dtype=np.uint8)
+    picture = Image.fromarray(ids, mode="P")
+    picture.putpalette(rng.integers(0, 256, 768).tolist())
+    picture.save(tmp_path / "mask.png")
+    assert np.array_equal(read_ids(tmp_path / "mask.png"), ids)
+    assert read_raw(tmp_path / "mask.png").shape == (20, 30, 3)  # as a picture it has its colours
+
+
+def test_a_truncated_palette_is_refused(tmp_path):
+    picture = Image.fromarray(rng.integers(0, 256, (40, 50), dtype=np.uint8), mode="P")
+    picture.save(tmp_path / "mask.png")
+    data = (tmp_path / "mask.png").read_bytes()
+    (tmp_path / "mask.png").write_bytes(data[: len(data) * 2 // 3])
+    with pytest.raises(InputError, match=r"mask\.png: it must be a whole PNG"):
+        read_ids(tmp_path / "mask.png")
+
+
+@pytest.mark.parametrize("bits", [1, 2, 4])
+def test_ids_of_few_bits_are_not_stretched(tmp_path, bits):
+    ids = rng.integers(0, 2**bits, (8, 16), dtype=np.uint8)
+    lines = np.packbits(np.unpackbits(ids[..., None], axis=-1)[..., 8 - bits :].reshape(8, -1), axis=1)
+    body = zlib.compress(np.hstack([np.zeros((8, 1), np.uint8), lines]).tobytes())
+    header = struct.pack(">IIBBBBB", 16, 8, bits, 0, 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", body), (b"IEND", b"")]
+    data = b"".join(struct.pack(">I", len(d)) + n + d + struct.pack(">I", zlib.crc32(n + d)) for n, d in chunks)
+    (tmp_path / "mask.png").write_bytes(b"\x89PNG\r\n\x1a\n" + data)
+    assert np.array_equal(read_ids(tmp_path / "mask.png"), ids)
 
 
 def test_red_is_first(tmp_path):
