@@ -57,8 +57,12 @@ def build(recording: Recording, folder: str | Path, settings: BuildSettings | No
         If the recording cannot be used; the message names the file or key.
     """
     settings = settings or BuildSettings()
-    folder = make_folder(folder)
+    for index, frame in enumerate(recording.frames):
+        if frame.camera.model == "ORTHOGRAPHIC":
+            key = f"frames[{index}].camera.model"
+            raise InputError("be PINHOLE or OPENCV for a drive", got="ORTHOGRAPHIC", file=recording.root, key=key)
     check_recording(recording)
+    folder = make_folder(folder)
     offset = world_offset(recording)
     if offset.any():
         logger.info("the world is moved by %s m, so that 32-bit numbers resolve it", offset.tolist())
@@ -132,7 +136,11 @@ def _copy(recording: Recording, out: Path) -> None:
 
 
 def _cloud(recording: Recording, settings: BuildSettings, offset: NDArray[np.float64], out: Path) -> None:
-    write_cloud(out / "cloud.npz", accumulate(recording, settings.cloud, settings.dynamics, settings.ground, offset))
+    try:
+        cloud = accumulate(recording, settings.cloud, settings.dynamics, settings.ground, offset)
+    except InputError as error:
+        raise error.at(file=recording.root) from error
+    write_cloud(out / "cloud.npz", cloud)
 
 
 def _used(cloud: Cloud) -> NDArray[np.bool_]:
@@ -144,7 +152,9 @@ def _ground(stage: StageResult, recording: Recording, settings: BuildSettings, o
     points = cloud.points_world[cloud.is_ground & _used(cloud)]
     mesh, _ = reconstruct_ground(points, path_of(recording), settings.surface, settings.height_field)
     if mesh.num_faces == 0:
-        raise InputError("show enough ground for a mesh", got=f"{len(points)} ground points", key="the point cloud")
+        raise InputError(
+            "show enough ground for a mesh", got=f"{len(points)} ground points", file=recording.root, key="the point cloud"
+        )
     write_ply(out / "ground.ply", mesh)
 
 
@@ -161,7 +171,8 @@ def _boards(recording: Recording, stage: StageResult, settings: BuildSettings, o
         for frame in tracked(recording.frames, "cardboards", len(recording.frames)):
             sweep = None
             if frame.points is not None and frame.masks is not None:
-                sweep = transform_points(frame.points.T_world_points, read_points(frame.points.file)[:, :3].astype(np.float64))
+                points = frame.points.unit * read_points(frame.points.file)[:, :3].astype(np.float64)
+                sweep = transform_points(frame.points.T_world_points, points)
             boards, note = cardboards(frame, caster, sweep, settings.cardboards)
             frames.append([{"instance": b.instance, "kind": b.kind, "corners_world": b.corners_world.tolist()} for b in boards])
             notes.append({str(id): value for id, value in note.items()})
@@ -259,14 +270,14 @@ def _assemble(
 def _source_digest(recording: Recording, offset: NDArray[np.float64]) -> str:
     """Return a digest of all files and numbers of a recording."""
     files: list[Path] = [] if recording.points is None else [recording.points]
-    numbers: list[Any] = [offset.tolist(), recording.name]
+    numbers: list[Any] = [offset.tolist(), recording.name, recording.points_unit]
     for frame in recording.frames:
         parts = (frame.points, frame.masks, frame.disparity)
         files += [frame.image, *(part.file for part in parts if part is not None)]
         files += [frame.stereo.image] if frame.stereo else []
         files += [frame.segmentation] if frame.segmentation else []
         numbers.append([camera_json(frame.camera), frame.response, frame.exposure, frame.lights])
-        numbers.append(frame.points and frame.points.T_world_points.tolist())
+        numbers.append(frame.points and [frame.points.T_world_points.tolist(), frame.points.unit])
         numbers.append(frame.masks and [frame.masks.default_class, sorted((frame.masks.classes or {}).items())])
         numbers.append(frame.stereo and camera_json(frame.stereo.camera))
         numbers.append(frame.disparity and [frame.disparity.scale, frame.disparity.baseline])

@@ -21,6 +21,7 @@ from .recording import Recording
 from .transforms import transform_points
 
 Floats = NDArray[np.floating]
+_FARTHEST_CAMERA = 500.0  # a drone's height, with room
 MAX_COORDINATE = 2000.0  # float32 resolves 0.1 mm up to here
 
 
@@ -119,7 +120,7 @@ def accumulate(
     counts: dict[str, int] = {}
     points, sensors, sources = _scanned(recording, settings, dynamics_settings, ground_settings, counts)
     if recording.points is not None:
-        given = read_points_far(recording.points)[:, :3] + (0.0 if offset is None else offset)
+        given = recording.points_unit * read_points_far(recording.points)[:, :3] + (0.0 if offset is None else offset)
         counts["in given cloud"] = len(given)
         nearest = path[cKDTree(path).query(given)[1]] if len(path) else given + (0.0, 0.0, 50.0)
         points, sensors = np.concatenate([points, given]), np.concatenate([sensors, nearest])
@@ -143,6 +144,7 @@ def accumulate(
             key="the cloud",
             remedy="Bring cloud and poses into one world.",
         )
+    _check_one_world(points, recording)
     keep = ~strays(points, sensors, sources, settings)
     counts["strays removed"] = int((~keep).sum())
     points, sensors, sources = points[keep], sensors[keep], sources[keep]
@@ -151,6 +153,22 @@ def accumulate(
     is_ground = split_ground(points, path, ground_settings)
     counts["ground"], counts["environment"] = int(is_ground.sum()), int((~is_ground).sum())
     return Cloud(points.astype(np.float32), sensors.astype(np.float32), is_ground, sources, counts)
+
+
+def _check_one_world(points: Floats, recording: Recording) -> None:
+    """Refuse cameras that are nowhere near any point: poses of another world, or in another unit."""
+    if not recording.frames:
+        return
+    cameras = np.array([frame.camera.position for frame in recording.frames])
+    away = cKDTree(points).query(cameras)[0]
+    if away.min() > _FARTHEST_CAMERA:
+        raise InputError(
+            f"lie within {_FARTHEST_CAMERA:g} m of a camera",
+            got=f"none nearer than {away.min():.0f} m",
+            file=recording.root,
+            key="points of the cloud",
+            remedy="Bring cloud and poses into one world and one unit.",
+        )
 
 
 def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_settings, counts: dict[str, int]):
@@ -162,7 +180,7 @@ def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_setti
     sweeps, kept, owner = [], [], []
     total = ego = far = masked = 0
     for index, frame in enumerate(tracked(frames, "sweeps", len(frames))):
-        raw = read_points(frame.points.file)[:, :3]
+        raw = np.float32(frame.points.unit) * read_points(frame.points.file)[:, :3]
         total += len(raw)
         own = np.hypot(raw[:, 0], raw[:, 1]) < settings.ego_radius
         # The vehicle is around and below its scanner, down to the road; a roof or a branch above is not part of it.

@@ -64,14 +64,15 @@ def top_view(scene: Scene, longest: int = 1600) -> NDArray[np.uint8]:
 
 
 def _extent(covered: NDArray[np.bool_], scene: Scene, around: float = 30.0) -> tuple[slice, slice]:
-    """Return the rows and columns within 30 m of the path, or of all ground where there is no path."""
+    """Return the rows and columns within 30 m of the path, or of all ground where there is no path on it."""
     path = path_of(scene.recording)
     if len(path):
         place = scene.grid.position(path)
         reach = around / scene.grid.cell
         low = np.maximum(np.floor(place.min(axis=0) - reach), 0).astype(int)
         high = np.minimum(np.ceil(place.max(axis=0) + reach), covered.shape).astype(int)
-        return slice(low[0], high[0]), slice(low[1], high[1])
+        if np.all(low < high):
+            return slice(low[0], high[0]), slice(low[1], high[1])
     return slice(0, covered.shape[0]), slice(0, covered.shape[1])
 
 

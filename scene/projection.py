@@ -19,14 +19,13 @@ from .frame_view import FrameView, depth_map, frame_views, raycasting_scene, vis
 from .merge_views import MergedColours
 from .mesh import Mesh
 from .recording import MaskFile, Recording
-from .scene_file import Cardboard
+from .scene_file import CLASSES, Cardboard
 
 __all__ = ["class_means", "depth_map", "fill_colours", "frame_gains", "project_uv", "raycasting_scene", "visible_in_frame"]
 
 _GAIN_POINTS = 20_000
 _GAIN_REACH = 3  # frames compared with each: farther ones share little and add no strength to a chain
 _SHADOW = 1.5  # reach of a moving object's contact shadow on the ground [m]
-CLASSES = ("ground", "environment", "vehicle", "pedestrian")
 
 
 def project_uv(mesh: Mesh, camera: Camera) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

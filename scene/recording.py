@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
-from typing import Any, Literal
+from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,7 @@ from materials.foundation.errors import InputError
 from materials.foundation.files import write_json
 
 from .camera import Camera
+from .recording_json import CameraJson, FrameJson, RecordingJson
 from .transforms import as_pose
 from .typed_json import read_typed_json
 
@@ -22,10 +22,11 @@ _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 @dataclass(frozen=True)
 class PointsFile:
-    """A sweep: file and pose `T_world_points` of its frame (the scanner)."""
+    """A sweep: file, pose `T_world_points` of its frame (the scanner) [m], and how many metres a unit in the file is."""
 
     file: Path
     T_world_points: NDArray[np.float64]
+    unit: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -93,6 +94,8 @@ class Recording:
         In order of time; empty for a bare point cloud.
     points : Path or None
         A static cloud of the whole recording, in world coordinates.
+    points_unit : float
+        How many metres a unit in that file is.
     root : Path
         Folder that the files lie below.
     """
@@ -102,78 +105,14 @@ class Recording:
     name: str = ""
     points: Path | None = None
     noise: Noise | None = None
-
-
-# The JSON as typed: msgspec refuses unknown keys and wrong kinds at every depth.
-class _CameraJson(msgspec.Struct, forbid_unknown_fields=True):
-    model: Literal["PINHOLE", "OPENCV", "ORTHOGRAPHIC"]
-    width: int
-    height: int
-    T_world_camera: list[list[float]]
-    fx: float | None = None
-    fy: float | None = None
-    cx: float | None = None
-    cy: float | None = None
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    pixel_size: float | None = None
-
-
-class _PointsJson(msgspec.Struct, forbid_unknown_fields=True):
-    file: str
-    T_world_points: list[list[float]]
-
-
-class _MasksJson(msgspec.Struct, forbid_unknown_fields=True):
-    file: str
-    default_class: Literal["vehicle", "pedestrian"] = "vehicle"
-    classes: dict[str, Literal["vehicle", "pedestrian"]] | None = None
-
-
-class _StereoJson(msgspec.Struct, forbid_unknown_fields=True):
-    image: str
-    camera: _CameraJson
-
-
-class _DisparityJson(msgspec.Struct, forbid_unknown_fields=True):
-    file: str
-    scale: float
-    baseline: float
-
-
-class _FrameJson(msgspec.Struct, forbid_unknown_fields=True):
-    image: str
-    camera: _CameraJson
-    response: Literal["linear", "srgb"] | None = None
-    exposure: float = 1.0
-    lights: list[str] | None = None
-    points: _PointsJson | None = None
-    masks: _MasksJson | None = None
-    stereo: _StereoJson | None = None
-    disparity: _DisparityJson | None = None
-    segmentation: str | None = None
-
-
-class _NoiseJson(msgspec.Struct, forbid_unknown_fields=True):
-    read_sigma: float
-    shot_gain: float
-
-
-class _RecordingJson(msgspec.Struct, forbid_unknown_fields=True):
-    format: Literal["recording/1"]
-    frames: list[_FrameJson]
-    length_unit: Literal["m", "cm", "mm"] = "m"
-    name: str = ""
-    points: str | None = None
-    noise: _NoiseJson | None = None
+    points_unit: float = 1.0
 
 
 def read_recording(path: str | Path) -> Recording:
     """Read a recording/1 file, or the `recording.json` of a folder.
 
-    Lengths are converted to metres. That the files it names exist is checked here; that they can be read, when they are.
+    Lengths are converted to metres; clouds carry their unit, as their files are read later. That the files it names exist
+    is checked here; that they can be read, when they are.
 
     Raises
     ------
@@ -183,7 +122,7 @@ def read_recording(path: str | Path) -> Recording:
     """
     path = Path(path)
     path = path / "recording.json" if path.is_dir() else path
-    data = read_typed_json(path, _RecordingJson)
+    data = read_typed_json(path, RecordingJson)
     try:
         if not data.frames and data.points is None:
             raise InputError("hold at least one frame, or the recording a cloud in `points`", got="none", key="frames")
@@ -199,31 +138,42 @@ def read_recording(path: str | Path) -> Recording:
             noise = Noise(data.noise.read_sigma, data.noise.shot_gain)
     except InputError as error:
         raise error.at(file=path) from error
-    return Recording(frames, root.resolve(), data.name or path.parent.resolve().name, points, noise)
+    return Recording(frames, root.resolve(), data.name or path.parent.resolve().name, points, noise, unit)
 
 
 def write_recording(path: str | Path, recording: Recording) -> None:
-    """Write a recording/1 file; every file of it must lie below the JSON's folder."""
+    """Write a recording/1 file, in the unit of its clouds; every file of it must lie below the JSON's folder."""
     root = Path(path).parent.resolve()
-    out: dict[str, Any] = {"format": "recording/1", "length_unit": "m", "name": recording.name}
+    name, unit = _common_unit(recording)
+    out: dict[str, Any] = {"format": "recording/1", "length_unit": name, "name": recording.name}
     if recording.points is not None:
         out["points"] = _relative(recording.points, root)
     if recording.noise is not None:
         out["noise"] = {"read_sigma": recording.noise.read_sigma, "shot_gain": recording.noise.shot_gain}
-    out["frames"] = [_frame_json(frame, root) for frame in recording.frames]
+    out["frames"] = [_frame_json(frame, root, unit) for frame in recording.frames]
     write_json(path, out)
 
 
-def camera_json(camera: Camera) -> dict[str, Any]:
-    """Return a camera as the formats write it."""
+def _common_unit(recording: Recording) -> tuple[str, float]:
+    """Return the unit of all clouds, which the JSON then has: `m` without clouds."""
+    units = {frame.points.unit for frame in recording.frames if frame.points is not None}
+    units |= {recording.points_unit} if recording.points is not None else set()
+    if len(units) > 1:
+        raise InputError("have one unit", got=sorted(units), key="all clouds of a recording", remedy="Convert some of them.")
+    unit = units.pop() if units else 1.0
+    return next(name for name, metres in _METRES.items() if metres == unit), unit
+
+
+def camera_json(camera: Camera, unit: float = 1.0) -> dict[str, Any]:
+    """Return a camera as the formats write it, in a unit of so many metres."""
     out: dict[str, Any] = {"model": camera.model, "width": camera.width, "height": camera.height}
     if camera.model == "ORTHOGRAPHIC":
-        out |= {"pixel_size": camera.pixel_size, "cx": camera.cx, "cy": camera.cy}
+        out |= {"pixel_size": None if camera.pixel_size is None else camera.pixel_size / unit, "cx": camera.cx, "cy": camera.cy}
     else:
         out |= {key: getattr(camera, key) for key in ("fx", "fy", "cx", "cy")}
     if camera.model == "OPENCV":
         out |= {key: getattr(camera, key) for key in ("k1", "k2", "p1", "p2")}
-    return out | {"T_world_camera": camera.T_world_camera.tolist()}
+    return out | {"T_world_camera": _pose_json(camera.T_world_camera, unit)}
 
 
 def select_frames(recording: Recording, indices: list[int]) -> Recording:
@@ -231,13 +181,13 @@ def select_frames(recording: Recording, indices: list[int]) -> Recording:
     return replace(recording, frames=tuple(recording.frames[i] for i in indices))
 
 
-def _frame(f: _FrameJson, key: str, root: Path, unit: float) -> Frame:
-    if not f.exposure > 0:
-        raise InputError("be positive", got=f.exposure, key=f"{key}.exposure")
+def _frame(f: FrameJson, key: str, root: Path, unit: float) -> Frame:
+    if not 1e-12 <= f.exposure <= 1e12:  # what float32 pictures bear; anything else is a slip
+        raise InputError("lie in [1e-12, 1e12]", got=f.exposure, key=f"{key}.exposure")
     points = masks = stereo = disparity = None
     if f.points is not None:
         pose = _pose(f.points.T_world_points, f"{key}.points.T_world_points", unit)
-        points = PointsFile(_below(root, f.points.file, f"{key}.points.file"), pose)
+        points = PointsFile(_below(root, f.points.file, f"{key}.points.file"), pose, unit)
     if f.masks is not None:
         classes = f.masks.classes
         if classes is not None and not all(name.isdigit() for name in classes):
@@ -268,7 +218,7 @@ def _frame(f: _FrameJson, key: str, root: Path, unit: float) -> Frame:
     )
 
 
-def _camera(c: _CameraJson, key: str, unit: float) -> Camera:
+def _camera(c: CameraJson, key: str, unit: float) -> Camera:
     for name in ("width", "height"):
         if not 0 < getattr(c, name) <= 65535:
             raise InputError("lie in [1, 65535]", got=getattr(c, name), key=f"{key}.{name}")
@@ -293,6 +243,10 @@ def _pose(rows: list[list[float]], key: str, unit: float) -> NDArray[np.float64]
     return T
 
 
+def _pose_json(T: NDArray[np.float64], unit: float) -> list[list[float]]:
+    return np.column_stack([T[:, :3], T[:, 3] / (unit, unit, unit, 1.0)]).tolist()
+
+
 def _below(root: Path, name: str, key: str) -> Path:
     """Resolve a path of the JSON, refusing what leaves its folder."""
     if not name or PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
@@ -310,7 +264,7 @@ def _relative(path: Path, root: Path) -> str:
         raise InputError(f"lie below {root}", got=path, key="every file of a recording") from error
 
 
-def _frame_json(frame: Frame, root: Path) -> dict[str, Any]:
+def _frame_json(frame: Frame, root: Path, unit: float) -> dict[str, Any]:
     out: dict[str, Any] = {"image": _relative(frame.image, root)}
     if frame.response is not None:
         out["response"] = frame.response
@@ -318,19 +272,22 @@ def _frame_json(frame: Frame, root: Path) -> dict[str, Any]:
         out["exposure"] = frame.exposure
     if frame.lights is not None:
         out["lights"] = list(frame.lights)
-    out["camera"] = camera_json(frame.camera)
+    out["camera"] = camera_json(frame.camera, unit)
     if frame.points is not None:
-        out["points"] = {"file": _relative(frame.points.file, root), "T_world_points": frame.points.T_world_points.tolist()}
+        out["points"] = {
+            "file": _relative(frame.points.file, root),
+            "T_world_points": _pose_json(frame.points.T_world_points, unit),
+        }
     if frame.masks is not None:
         masks: dict[str, Any] = {"file": _relative(frame.masks.file, root), "default_class": frame.masks.default_class}
         if frame.masks.classes is not None:
             masks["classes"] = {str(k): v for k, v in frame.masks.classes.items()}
         out["masks"] = masks
     if frame.stereo is not None:
-        out["stereo"] = {"image": _relative(frame.stereo.image, root), "camera": camera_json(frame.stereo.camera)}
+        out["stereo"] = {"image": _relative(frame.stereo.image, root), "camera": camera_json(frame.stereo.camera, unit)}
     if frame.disparity is not None:
         d = frame.disparity
-        out["disparity"] = {"file": _relative(d.file, root), "scale": d.scale, "baseline": d.baseline}
+        out["disparity"] = {"file": _relative(d.file, root), "scale": d.scale, "baseline": d.baseline / unit}
     if frame.segmentation is not None:
         out["segmentation"] = _relative(frame.segmentation, root)
     return out

@@ -12,7 +12,6 @@ import msgspec
 import numpy as np
 
 from materials.foundation.errors import InputError
-from materials.foundation.files import make_folder
 from materials.foundation.progress import logger
 
 from .colmap import is_colmap, open_colmap
@@ -41,8 +40,8 @@ def open_recording(path: str | Path, format: str = "auto", work_folder: str | Pa
     format : str
         One of `FORMATS`; `auto` recognises it by its files and logs what it took it for.
     work_folder : path, optional
-        Keeps what had to be computed (poses, sparse clouds) by the content of its input; without it that lies in a
-        temporary folder that goes away when Python ends.
+        Keeps what had to be computed (poses, sparse clouds) by the content of its input, and is made when there is
+        something to keep; without it that lies in a temporary folder that goes away when Python ends.
     seed : int
         For whatever is estimated with random samples.
 
@@ -65,7 +64,7 @@ def open_recording(path: str | Path, format: str = "auto", work_folder: str | Pa
     if format == "auto":
         format = recognised_format(path)
         logger.info("%s: recognised as %s", path, format)
-    work = _temporary_folder() if work_folder is None else make_folder(work_folder)
+    work = _temporary_folder() if work_folder is None else Path(work_folder)
     openers: dict[str, Callable[[Path, Path, int], Recording]] = {
         "recording": _open_json,
         "kitti-raw": open_kitti_raw,

@@ -32,6 +32,7 @@ from .mesh import Mesh, read_ply, write_ply
 from .recording import Recording, read_recording
 from .typed_json import read_typed_json
 
+CLASSES = ("ground", "environment", "vehicle", "pedestrian")
 GROUND_MAPS = ("height", "mask", "moisture", "puddles", "coverage")
 
 
@@ -220,6 +221,9 @@ def _scene(folder: Path, data: _SceneJson) -> Scene:
     if missing:
         raise InputError("be given", key=f"ground_maps.maps.{missing[0]}", remedy="Build the scene again.")
     sky = np.stack(_channels(_below(folder, data.sky, "sky"), "RGBA"), axis=-1)
+    for name in CLASSES:
+        if name not in data.class_means:
+            raise InputError("be given", key=f"class_means.{name}", remedy="Build the scene again.")
     for name, value in data.class_means.items():
         check_shape(f"class_means.{name}", np.array(value), (3,))
     recording = read_recording(_below(folder, data.recording, "recording"))

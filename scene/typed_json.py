@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TypeVar
+from typing import TypeVar, get_args, get_type_hints
 
 import msgspec
 
@@ -36,12 +36,12 @@ def read_typed_json(path: str | Path, kind: type[Kind], remedy: str = "See docs/
     except FileNotFoundError as error:
         raise InputError("exist", file=path, remedy="Check the path.") from error
     except msgspec.ValidationError as error:
-        raise _worded(str(error), path, remedy) from error
+        raise _worded(str(error), path, remedy, kind) from error
     except msgspec.DecodeError as error:
         raise InputError("be JSON", got=error, file=path, remedy="Mend the file.") from error
 
 
-def _worded(message: str, path: Path, remedy: str) -> InputError:
+def _worded(message: str, path: Path, remedy: str, kind: type) -> InputError:
     """Turn msgspec's message (`Expected `int`, got `str` - at `$.frames[0].camera.width``) into ours."""
     text, _, place = message.partition(" - at `")
     key = place.rstrip("`").removeprefix("$").lstrip(".").replace("[...]", "") or None
@@ -52,6 +52,9 @@ def _worded(message: str, path: Path, remedy: str) -> InputError:
     if match := re.fullmatch(r"Expected `(.*)`, got `(.*)`", text):
         return InputError(f"be {match[1]}", got=match[2], file=path, key=key, remedy=remedy)
     if match := re.fullmatch(r"Invalid enum value (.*)", text):
+        if key == "format":
+            known = " or ".join(str(word) for word in get_args(get_type_hints(kind)["format"]))
+            return InputError(f"be {known}", got=match[1], file=path, key=key, remedy=remedy)
         return InputError("be a word that the format knows", got=match[1], file=path, key=key, remedy=remedy)
     return InputError("be valid", got=text[:1].lower() + text[1:], file=path, key=key, remedy=remedy)
 

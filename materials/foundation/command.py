@@ -23,6 +23,8 @@ _OS_REMEDIES = {
     errno.EACCES: ("be accessible", "Change its permissions or choose another place."),
     errno.EPERM: ("be accessible", "Change its permissions or choose another place."),
     errno.EROFS: ("be on a disk that can be written to", "Choose another output folder."),
+    errno.ENAMETOOLONG: ("have a name that its disk can hold", "Choose a shorter name."),
+    errno.ELOOP: ("be no link in a circle", "Check the path."),
     errno.ENOENT: ("exist", "Check the path."),
     errno.EISDIR: ("be a file, not a folder", "Check the path."),
     errno.ENOTDIR: ("lie in a folder, not in a file", "Check the path."),

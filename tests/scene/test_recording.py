@@ -112,6 +112,16 @@ def test_lengths_in_millimetres_become_metres(folder):
     assert recording.frames[0].camera.fx == 210.0  # pixels stay pixels
 
 
+def test_a_cloud_is_in_the_unit_of_its_recording_and_written_so_again(folder):
+    recording = read_recording(written(folder, (("length_unit",), "cm")))
+    assert recording.points_unit == 0.01
+    write_recording(folder / "again.json", recording)
+    again = read_recording(folder / "again.json")
+    assert again.points_unit == 0.01
+    # Dividing by the unit and multiplying again rounds once each.
+    assert np.allclose(again.frames[0].camera.position, recording.frames[0].camera.position, rtol=4e-16, atol=0)
+
+
 def test_frames_can_be_selected(folder):
     assert [f.name for f in select_frames(read_recording(written(folder)), [2, 0]).frames] == ["2", "0"]
 
@@ -128,8 +138,8 @@ def test_frames_can_be_selected(folder):
             "FISHEYE",
             r"frames\[0\]\.camera\.model must be a word that the format knows, got 'FISHEYE'",
         ),
-        (("format",), "recording/2", "format must be a word that the format knows"),
-        (("frames", 0, "exposure"), -1.0, r"frames\[0\]\.exposure must be positive, got -1"),
+        (("format",), "recording/2", "format must be recording/1"),
+        (("frames", 0, "exposure"), -1.0, r"frames\[0\]\.exposure must lie in .*, got -1"),
         (("frames", 0, "camera", "width"), 0, r"frames\[0\]\.camera\.width must lie in \[1, 65535\], got 0"),
         (("frames", 0, "camera", "fx"), None, r"frames\[0\]\.camera\.fx must be given and positive for a PINHOLE camera"),
         (("frames", 2, "camera", "pixel_size"), None, r"frames\[2\]\.camera\.pixel_size must be given and positive"),

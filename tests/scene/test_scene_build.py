@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -119,6 +120,50 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(drive, tmp_path, capsys, ext
     assert error.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("flag", "value"),
+    [("voxel", "0"), ("cell", "-1"), ("texel-deg", "nan"), ("environment-depth", "99"), ("seed", "-1"), ("max-range", "inf")],
+)
+def test_a_flag_out_of_range_is_named_as_typed_and_nothing_is_made(drive, tmp_path, capsys, flag, value):
+    assert main([str(drive), "-o", str(tmp_path / "scene"), "--quiet", f"--{flag}", value]) == 2
+    assert f"meniscus: --{flag} must lie in " in capsys.readouterr().err
+    assert not (tmp_path / "scene").exists()
+
+
+def test_a_range_in_a_settings_file_is_named_by_its_dotted_key(drive, tmp_path, capsys):
+    (tmp_path / "s.toml").write_text("[height_field]\nsurface_cell = 0\n")
+    assert main([str(drive), "-o", str(tmp_path / "scene"), "--quiet", "--settings", str(tmp_path / "s.toml")]) == 2
+    assert "s.toml: height_field.surface_cell must lie in [0.01, 10], got 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda data: data["frames"][1]["camera"].update(model="ORTHOGRAPHIC", pixel_size=0.1), "frames[1].camera.model must be"),
+        (lambda data: [row.__setitem__(3, row[3] + 9000) for f in data["frames"] for row in f["points"]["T_world_points"][:1]],
+         "points of the cloud must lie within 500 m of a camera"),
+        (lambda data: [frame.pop("points") for frame in data["frames"]], "the recording must hold points"),
+    ],
+)  # fmt: skip
+def test_a_recording_that_makes_no_scene_is_named(drive, tmp_path, capsys, change, words):
+    shutil.copytree(drive, tmp_path / "drive")
+    data = json.loads((drive / "recording.json").read_text())
+    change(data)
+    (tmp_path / "drive" / "recording.json").write_text(json.dumps(data))
+    assert main([str(tmp_path / "drive"), "-o", str(tmp_path / "scene"), "--quiet", *SMALL]) == 2
+    error = capsys.readouterr().err
+    assert str(tmp_path / "drive") in error
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_bad_input_leaves_no_folder_behind(drive, tmp_path):
+    shutil.copytree(drive, tmp_path / "drive")
+    (tmp_path / "drive" / "1.png").write_bytes(b"")
+    assert main([str(tmp_path / "drive"), "-o", str(tmp_path / "scene"), "--quiet"]) == 2
+    assert not (tmp_path / "scene").exists()
+
+
 def test_a_typo_in_a_settings_file_is_named(drive, tmp_path, capsys):
     (tmp_path / "s.toml").write_text("[cloud]\nvoxle = 0.1\n")
     assert main([str(drive), "-o", str(tmp_path / "scene"), "--quiet", "--settings", str(tmp_path / "s.toml")]) == 2
@@ -132,8 +177,6 @@ def test_a_file_in_place_of_the_output_folder_is_refused(drive, tmp_path, capsys
 
 
 def test_a_truncated_sweep_is_named_and_leaves_no_scene(drive, tmp_path, capsys):
-    import shutil
-
     shutil.copytree(drive, tmp_path / "drive")
     sweep = tmp_path / "drive" / "1.npz"
     sweep.write_bytes(sweep.read_bytes()[:1000])

@@ -40,7 +40,7 @@ def scene(folder: Path) -> Scene:
         GroundGrid(0.0, 0.0, 0.5, 18, 18),
         {name: rng.random((18, 18)).astype(np.float32) for name in GROUND_MAPS},
         Sky(rng.random((4, 8, 4)).astype(np.float32)),
-        {"ground": np.array([0.1, 0.2, 0.3], np.float32)},
+        {name: np.array([0.1, 0.2, 0.3], np.float32) for name in ("ground", "environment", "vehicle", "pedestrian")},
         ((BOARD,), ()),
         {"cell": 0.5, "nested": {"depth": 12}},
     )
