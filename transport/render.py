@@ -91,20 +91,20 @@ def render(
             clamp,
         )
         path.render(*args, total, square)
-    variance = variance_of_mean(total, square, samples)
-    return Rendering((total / samples).astype(np.float32), variance.astype(np.float32), samples)
+    mean = total / samples
+    variance = variance_of_mean(mean, square / samples, samples)
+    return Rendering(mean.astype(np.float32), variance.astype(np.float32), samples)
 
 
-def variance_of_mean(total: NDArray[np.float64], square: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Return the variance of a mean, estimated from the sums of the samples and of their squares.
+def variance_of_mean(mean: NDArray[np.float64], mean_square: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+    """Return the variance of a mean of independent samples, estimated from the mean of their squares.
 
     Scrambled Sobol samples do better than independent ones, so it is an upper estimate. One sample has no spread: its
     square, which the variance exceeds at most by chance, stands in.
     """
     if samples == 1:
-        return square.copy()
-    mean = total / samples
-    return np.maximum(square / samples - mean * mean, 0) / (samples - 1)
+        return mean_square
+    return np.maximum(mean_square - mean * mean, 0) / (samples - 1)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from materials.wetness import diffuse_attenuation, porosity_attenuation
 from scene.grid import GroundGrid
 from scene.map_filters import fit_local_plane
 
-from .kernels.wet import WetGround, specular_pass
+from .kernels.wet import SPLIT, WetGround, specular_pass
 from .projected_world import ProjectedFrame
 from .render import variance_of_mean
 from .world import compile_camera
@@ -99,8 +99,9 @@ def trace_specular(
     view = compile_camera(frame.camera)
     args = (frame.world.arrays, frame.picture, diffuse, ground, view, wanted, 0, samples, seed & 0xFFFFFFFF, bounces)
     specular_pass(*args, specular, square, dimming, share, wetness)
-    variance = variance_of_mean(specular, square, samples)
-    parts = (specular / samples, variance, dimming / samples, share / samples, wetness / samples)
+    mean = specular / samples
+    variance = variance_of_mean(mean, square / samples, -(-samples // SPLIT))
+    parts = (mean, variance, dimming / samples, share / samples, wetness / samples)
     return SpecularPass(*(part.astype(np.float32) for part in parts))
 
 

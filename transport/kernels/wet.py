@@ -30,7 +30,7 @@ _PER_BOUNCE = 4
 _ALPHA_MIN = 1e-3
 # Mirrored rays per ray of the camera. The picture's noise comes from the lobe: two cost 12 % less time at equal error
 # than one, four no less than two (measured on a KITTI drive at 16 and 64 samples).
-_SPLIT = 2
+SPLIT = 2
 
 
 class WetGround(NamedTuple):
@@ -162,7 +162,9 @@ def specular_pass(
 ):
     """Add samples `first` to `first + count` of every wanted pixel to the sums.
 
-    specular, square : (H, W, 3) float64, the ground's specular radiance and its square
+    specular : (H, W, 3) float64, the ground's specular radiance
+    square : (H, W, 3) float64, its mean over each camera ray, squared, times the samples of that ray; samples that share a
+        ray are not independent, so their own squares would understate the noise where the ray finds the ground by chance
     dimming : (H, W, 3) float64, change of the factor on diffuse light (0 dry)
     share : (H, W) float64, samples that saw the ground
     wetness : (H, W, 2) float64, saturation and accumulation
@@ -180,7 +182,7 @@ def specular_pass(
                 stream = hash2(np.uint32(row * width + col), np.uint32(seed))
                 r = g = b = rr = gg = bb = saturation = accumulation = 0.0
                 seen = 0
-                for k in range(first // _SPLIT, (first + count + _SPLIT - 1) // _SPLIT):
+                for k in range(first // SPLIT, (first + count + SPLIT - 1) // SPLIT):
                     jx, jy = draw2(stream, k, 0)
                     o, d = camera_ray(camera, col + jx, row + jy)
                     face, _, _, p, ng = nearest(picture, world, buffer, s, o, d, True)
@@ -191,7 +193,9 @@ def specular_pass(
                     level = water_at(ground, p)
                     w_sat, w_acc = levels(level)
                     eta, roughness, n = lobe_at(ground, row, col, p, level)
-                    for i in range(max(first, k * _SPLIT), min(first + count, (k + 1) * _SPLIT)):
+                    start, stop = max(first, k * SPLIT), min(first + count, (k + 1) * SPLIT)
+                    er = eg = eb = 0.0
+                    for i in range(start, stop):
                         seen += 1
                         saturation += w_sat
                         accumulation += w_acc
@@ -200,8 +204,10 @@ def specular_pass(
                         if weight <= 0.0:
                             continue
                         e = reflected_radiance(world, picture, diffuse, ground, buffer, s, stream, i, p, wi, ng, weight, bounces)
-                        r, g, b = r + e[0], g + e[1], b + e[2]
-                        rr, gg, bb = rr + e[0] * e[0], gg + e[1] * e[1], bb + e[2] * e[2]
+                        er, eg, eb = er + e[0], eg + e[1], eb + e[2]
+                    r, g, b = r + er, g + eg, b + eb
+                    share_of_ray = 1.0 / (stop - start)
+                    rr, gg, bb = rr + er * er * share_of_ray, gg + eg * eg * share_of_ray, bb + eb * eb * share_of_ray
                 share[row, col] += seen
                 wetness[row, col, 0] += saturation
                 wetness[row, col, 1] += accumulation
