@@ -13,6 +13,7 @@ from materials.foundation.progress import stage
 
 from .build_settings import TerrainSettings
 from .grid import GroundGrid
+from .hollows import hollow_maps
 from .kernels import terrain as kernel
 from .map_filters import fill_holes
 from .mesh import Mesh
@@ -53,7 +54,7 @@ def ground_maps(
         Its corner lies on a multiple of the cell, so that grids of two drives line up.
     maps : dict of (rows, cols) float32
         `height` [m], holes and surroundings filled smoothly; `coverage`, 1 where the mesh is; `mask`, M of eq 6.5;
-        `moisture`, S0 of eq 6.3; `puddles`, A0 of eq 6.4.
+        `moisture`, S0 of eq 6.3; `puddles`, A0 of eq 6.4; `hollow` and `hollow_deepest` of `hollow_maps` [m].
 
     Raises
     ------
@@ -92,6 +93,7 @@ def ground_maps(
         "moisture": moisture_pattern(x, y, seed),
         "puddles": puddles,
         "coverage": covered.astype(np.float32),
+        **hollow_maps(height, covered.astype(np.float32), grid),
     }
 
 

@@ -14,13 +14,16 @@ W = 0.5 is ground saturated with water, W = 1 ground covered by it; `w` is the g
 
 Bounded, the composite of eq 6.5 cannot exceed lerp(S, 1, 0.5) = 0.75 where S = 0.5, which is a damp patch, no puddle: the
 printed one covers ground with water only through the values above 1 that it should not have. What 6.3.3 describes in
-words is that pores fill first, then puddles, which at w = 1 cover about a third of the ground and mirror. So `standing`
-takes saturation from the bounded composite and accumulation from its own potential P = A0 F stays,
+words is that pores fill first, then puddles, at low places. So `standing` has
 
-    W = M lerp(w_sat / 2, 1, w_acc),  w_sat = clamp(2 w lerp(S, A, w / 2)),  w_acc = smoothstep(P; t, t + 1/2),  t = 1 / (2 w)
+    W = M lerp(w_sat / 2, 1, w_acc),  w_sat = clamp(2 w S),  w_acc = max(hollows, pattern_share * smoothstep(P; t, t + 1/2))
 
-since A0 > 1/2 on a third of flat ground: at w = 1 that third holds water, at w = 2/3 the fifth where A0 > 3/4, at w = 1/3
-only hollows, where F > 3/2. M multiplies last, so M = 0.5 never exceeds saturation, and W rises with w on flat ground.
+with P = A0 F stays and t = 1 / (2 w). Since A0 > 1/2 on a third of flat ground, the pattern reaches that third at w = 1 (the
+thesis's maximum), the fifth where A0 > 3/4 at w = 2/3, and only low places at w = 1/3. It stands for what no height map
+resolves, glossy more than covered. The hollows are the closed depressions that `hollows.py` finds: filled from below, a hollow
+of depth D holds water up to (1 - w) D below its spill level. Measured against the true wet street (`make proof`) they
+matter most: a random puddle is a wrong one. At w = 1 pores are full (w_sat is 1 on average, within a fourth). M multiplies
+last, so M = 0.5 never exceeds saturation, and W rises with w on flat ground.
 
 The noise: at k = 100/m the ripples that a scanner's rings leave, 2 mm high, would show as stripes of water.
 
@@ -92,7 +95,8 @@ def water_level(maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings 
     Parameters
     ----------
     maps : mapping of (rows, cols) float32
-        `height` [m], `coverage`, `mask` (M), `moisture` (S0) and `puddles` (A0), as `terrain.ground_maps` makes them.
+        `height` [m], `coverage`, `mask` (M), `moisture` (S0) and `puddles` (A0), as `terrain.ground_maps` makes them; and,
+        if there, `hollow` and `hollow_deepest` [m] of `hollows.hollow_maps`.
     grid : GroundGrid
         Where their cells lie.
     w : float
@@ -124,13 +128,13 @@ def water_level(maps: Maps, grid: GroundGrid, w: float, settings: WaterSettings 
     A = _lerp(maps["puddles"], 0.5, settings.puddle_blend * w) * _factor(d, settings.k_acc, settings)
     if settings.model == "thesis":
         return (w * maps["mask"] * _lerp(S, A, settings.accumulation_share * w)).astype(np.float32)
+    S = np.clip(S, 0, 1)
     stays = _stays(maps, grid, settings)
-    level = np.clip(w * _lerp(np.clip(S, 0, 1), np.clip(A, 0, 1) * stays, settings.accumulation_share * w), 0, 1)
     if settings.model == "standing":
-        potential = maps["puddles"] * _factor(d, settings.k_acc, settings) * stays
-        t = np.clip((potential - settings.puddle_threshold / w) / np.float32(0.5), 0, 1)
-        filled = t * t * (3 - 2 * t)
-        level = np.minimum(level, 0.5) * (1 - filled) + filled
+        filled = _standing(maps, d, stays, w, settings)
+        level = np.minimum(w * S, 0.5) * (1 - filled) + filled
+    else:
+        level = np.clip(w * _lerp(S, np.clip(A, 0, 1) * stays, settings.accumulation_share * w), 0, 1)
     return (maps["mask"] * level).astype(np.float32)
 
 
@@ -148,6 +152,24 @@ def water_depth(
     return (np.clip(2 * W - 1, 0, 1) * (settings.texture_depth + hollow)).astype(np.float32)
 
 
+def _standing(
+    maps: Maps, d: NDArray[np.float32], stays: NDArray[np.float32] | float, w: float, settings: WaterSettings
+) -> NDArray[np.float32]:
+    """Return w_acc of the model `standing`: how far water covers the ground."""
+    potential = maps["puddles"] * _factor(d, settings.k_acc, settings) * stays
+    filled = settings.pattern_share * _smoothstep((potential - settings.puddle_threshold / w) / np.float32(0.5))
+    if "hollow" in maps:
+        deepest = maps["hollow_deepest"]
+        depth = np.where(deepest > settings.hollow_noise, maps["hollow"] - (1 - np.float32(w)) * deepest, 0)
+        filled = np.maximum(filled, _smoothstep(depth / np.float32(settings.hollow_film)))
+    return filled.astype(np.float32)
+
+
+def _smoothstep(t: NDArray[np.float32]) -> NDArray[np.float32]:
+    t = np.clip(t, 0, 1)
+    return t * t * (3 - 2 * t)
+
+
 def _factor(d: NDArray[np.float32], k: float, settings: WaterSettings) -> NDArray[np.float32]:
     if settings.model == "thesis":
         return (1 + np.float32(k) * d).astype(np.float32)
@@ -163,8 +185,8 @@ def _lerp(a: NDArray[np.float32], b: NDArray[np.float32] | float, t: float) -> N
 def _stays(maps: Maps, grid: GroundGrid, settings: WaterSettings) -> NDArray[np.float32] | float:
     """Return the share of standing water that a slope leaves: 1 on the flat, 0 on a hillside."""
     slope = hillside_slope(maps, grid, settings.slope_scale)
-    t = np.clip((slope - settings.slope_start) / max(settings.slope_end - settings.slope_start, 1e-9), 0, 1)
-    return (1 - t * t * (3 - 2 * t)).astype(np.float32)
+    t = (slope - settings.slope_start) / max(settings.slope_end - settings.slope_start, 1e-9)
+    return (1 - _smoothstep(t)).astype(np.float32)
 
 
 def hillside_slope(maps: Maps, grid: GroundGrid, scale: float) -> NDArray[np.float32]:

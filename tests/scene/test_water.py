@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from materials.foundation.errors import InputError
 from scene.grid import GroundGrid
+from scene.hollows import hollow_maps
 from scene.map_filters import fill_holes, fit_local_plane, gaussian_taps
 from scene.water import WaterSettings, height_factor, hillside_slope, relief, water_depth, water_level
 from scene.wetting_patterns import moisture_pattern, puddle_pattern
@@ -77,7 +78,7 @@ def test_standing_water_covers_a_third_of_flat_ground_at_most_and_rises_everywhe
     maps = maps_of(lambda x, y: 0 * x, wide)
     last = np.zeros(wide.shape)
     for w, share in ((1 / 3, 0.0), (2 / 3, 0.2), (1.0, 1 / 3)):
-        W = water_level(maps, wide, w)
+        W = water_level(maps, wide, w, WaterSettings(pattern_share=1.0, moisture_blend=1.0))
         # 60 m of puddles of 2 m are 900 independent ones: a standard deviation of 0.016 of the share, allowed 4 times.
         assert abs(np.mean(W > 0.5) - share) < 0.065
         assert np.min(W - last) >= -1e-6
@@ -85,10 +86,31 @@ def test_standing_water_covers_a_third_of_flat_ground_at_most_and_rises_everywhe
     assert last.max() > 0.99  # a puddle's middle is covered
 
 
+def test_hollows_fill_from_below_and_run_off_at_the_edge():
+    # A basin 4 cm deep with a lip, and a valley that opens at the border and so holds nothing.
+    def ground(x, y):
+        return np.minimum(0.04 * ((x - 4) ** 2 + y**2), 0.04) - 0.04 * np.exp(-0.5 * ((x - 8) / 0.5) ** 2) - 0.01 * y * (x > 6)
+
+    maps = maps_of(ground)
+    maps |= hollow_maps(maps["height"], maps["coverage"], GRID)
+    maps["puddles"] = np.zeros(GRID.shape, np.float32)
+    x, y = GRID.centres()
+    r = np.hypot(x - 4, y)
+    # A blur of 0.1 m over a paraboloid of curvature 0.08 / m lifts its bottom by 0.08 * 0.1^2 = 0.8 mm.
+    assert abs(maps["hollow"].max() - 0.04) < 0.002
+    for w in (0.3, 1.0):
+        W = water_level(maps, GRID, w)
+        # Filled to (1 - w) D below the lip: water where 0.04 r^2 < 0.04 w, covered once 3 mm deep.
+        assert np.all(W[r < np.sqrt(w) - 0.15] > 0.9)
+        # On the plateau single precision leaves a micrometre of depth.
+        assert np.all(W[(r > np.sqrt(w) + 0.1) & (x < 6)] < 0.5 + 1e-5)
+    assert water_level(maps, GRID, 1.0)[x > 6.5].max() <= 0.5
+
+
 def test_a_little_rain_stands_only_in_hollows():
     maps = maps_of(lambda x, y: -0.03 * np.exp(-0.5 * (x**2 + y**2) / 0.1**2))
     maps["puddles"] = np.ones(GRID.shape, np.float32)
-    W = water_level(maps, GRID, 0.4)
+    W = water_level(maps, GRID, 0.4, WaterSettings(pattern_share=1.0))
     row, col = np.rint(GRID.position(np.array([[0.0, 0.0]]))[0]).astype(int)
     assert W[row, col] > 0.9 and np.mean(W > 0.5) < 0.05
 
