@@ -160,8 +160,8 @@ def _standing(
     filled = settings.pattern_share * _smoothstep((potential - settings.puddle_threshold / w) / np.float32(0.5))
     if "hollow" in maps:
         deepest = maps["hollow_deepest"]
-        depth = np.where(deepest > settings.hollow_noise, maps["hollow"] - (1 - np.float32(w)) * deepest, 0)
-        filled = np.maximum(filled, _smoothstep(depth / np.float32(settings.hollow_film)))
+        depth = (maps["hollow"] - (1 - np.float32(w)) * deepest) * (deepest > settings.hollow_noise)
+        filled = np.maximum(filled, _smoothstep((depth / settings.hollow_film).astype(np.float32)))
     return filled.astype(np.float32)
 
 

@@ -102,8 +102,8 @@ def test_hollows_fill_from_below_and_run_off_at_the_edge():
         W = water_level(maps, GRID, w)
         # Filled to (1 - w) D below the lip: water where 0.04 r^2 < 0.04 w, covered once 3 mm deep.
         assert np.all(W[r < np.sqrt(w) - 0.15] > 0.9)
-        # On the plateau single precision leaves a micrometre of depth.
-        assert np.all(W[(r > np.sqrt(w) + 0.1) & (x < 6)] < 0.5 + 1e-5)
+        # The blur rounds the lip as far as it reaches, 4 * 0.1 m; beyond, single precision leaves a micrometre of depth.
+        assert np.all(W[(r > np.sqrt(w) + 0.4) & (x < 6)] < 0.5 + 1e-5)
     assert water_level(maps, GRID, 1.0)[x > 6.5].max() <= 0.5
 
 
