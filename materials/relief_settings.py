@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .foundation.errors import InputError
 from .foundation.settings import check_settings, setting
 
 
@@ -31,3 +32,5 @@ class ImageRelief:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        if self.roughness_min > self.roughness_max:
+            raise InputError("be at most roughness_max", got=f"{self.roughness_min:g}", key="roughness_min")

@@ -215,6 +215,8 @@ def _scene(folder: Path, data: _SceneJson) -> Scene:
     maps = {}
     for name, path in g.maps.items():
         maps[name] = _channels(_below(folder, path, f"ground_maps.maps.{name}"), "Y")[0]
+        if not np.all(np.isfinite(maps[name])):
+            raise InputError("be finite", got="NaN or infinity", file=folder / path, remedy="Build the scene again.")
         if maps[name].shape != grid.shape:
             raise InputError(f"have the grid's shape {grid.shape}", got=maps[name].shape, file=folder / path)
     missing = [name for name in GROUND_MAPS if name not in maps]
@@ -226,13 +228,19 @@ def _scene(folder: Path, data: _SceneJson) -> Scene:
             raise InputError("be given", key=f"class_means.{name}", remedy="Build the scene again.")
     for name, value in data.class_means.items():
         check_shape(f"class_means.{name}", np.array(value), (3,))
+    for i, frame in enumerate(data.frames):
+        check_range(f"frames[{i}].gain", frame.gain, "(0, inf)")
     recording = read_recording(_below(folder, data.recording, "recording"))
     if [f.name for f in data.frames] != [f.name for f in recording.frames]:
         raise InputError("list the frames of the recording", key="frames", remedy="Build the scene again.")
+    ground = read_ply(_below(folder, data.ground, "ground"))
+    if ground.num_faces == 0 or not np.all(np.isfinite(ground.vertices)):
+        got = "NaN or infinity" if ground.num_faces else "no triangles"
+        raise InputError("be triangles between finite places", got=got, file=folder / data.ground, remedy="Build the scene again.")
     return Scene(
         data.name,
         recording,
-        read_ply(_below(folder, data.ground, "ground")),
+        ground,
         read_ply(_below(folder, data.environment, "environment")),
         grid,
         maps,

@@ -41,6 +41,8 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> None:
     from scene.images import read_raw
+    from scene.recording import select_frames
+    from scene.recording_copy import check_recording
     from scene.scene_file import read_scene
 
     from .augment import augment, picture_name, summarise
@@ -55,6 +57,7 @@ def _run(args: argparse.Namespace) -> None:
     if not scene.recording.frames:
         raise InputError("have frames", got="a cloud alone", file=args.scene, remedy="Build the scene of a recording with images.")
     frames = _frames(args.frames, len(scene.recording.frames))
+    check_recording(select_frames(scene.recording, frames))
     output = Path(args.output)
     summarise(augment(scene, frames, wetness, settings, output))
     shown = frames[:: max(1, len(frames) // 4)][:4]

@@ -60,6 +60,7 @@ class PhotographSettings:
         check_range("exposure", self.exposure, "(0, inf)")
         check_range("read_sigma", self.read_sigma, "[0, 1]")
         check_range("shot_gain", self.shot_gain, "[0, 1]")
+        check_range("render_seed", self.render_seed, "[0, 2147483647]")
 
 
 def photograph(
@@ -204,6 +205,8 @@ def _run(args: argparse.Namespace) -> None:
         wetness = tuple(float(w) for w in args.wetness.split(",") if w.strip())
     except ValueError as error:
         raise InputError("be numbers with commas between", got=args.wetness, key="--wetness") from error
+    check_range("--wetness", wetness, "[0, 1]")
+    make_folder(args.output)  # a place that takes no folder is named before the street is built
     with stage("building the street"):
         world = street(street_settings)
     recording = photograph(world, args.output, settings, wetness)

@@ -97,6 +97,7 @@ def test_a_folder_without_scene_json_is_no_scene(tmp_path):
         (("ground",), "/etc/passwd", "ground must be a path below the folder"),
         (("sky",), "maps/none.exr", r"none\.exr: it must exist"),
         (("sky",), "maps/mask.exr", r"mask\.exr: it must have the channel R, got Y"),
+        (("frames", 0, "gain"), 0, r"frames\[0\]\.gain must lie in"),
         (("class_means", "ground"), [0.1], r"class_means\.ground must have shape \(3,\), got \(1,\)"),
         (("frames", 0, "name"), "other", "frames must list the frames of the recording"),
         (

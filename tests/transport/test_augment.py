@@ -190,7 +190,7 @@ def test_a_mask_of_another_size_is_refused(tmp_path, capsys):
     assert given is not None
     write_raw(given.file, np.zeros((30, 80), np.uint8))
     assert run(tmp_path, tmp_path / "out") == 2
-    assert "must have the image's size 80 x 34, got 80 x 30" in capsys.readouterr().err
+    assert "the mask must have the size of its camera, 80 x 34, got 80 x 30" in capsys.readouterr().err
 
 
 def test_an_unwritable_place_is_named(scene_folder, tmp_path, capsys):
