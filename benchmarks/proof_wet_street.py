@@ -1,8 +1,8 @@
 """The augmented street against the true wet street, beside two simpler ways to wet a picture.
 
-How strong a shower makes how much wetness is not given: each method takes the global wetness that suits it best on the
-first frame, and is scored on the others. The true one is rendered from the world itself: water where the shower leaves it, wet materials, real geometry. The
-augmentation sees only the recording: photographs, LiDAR, masks, poses.
+The true one is rendered from the world itself: water where the shower leaves it, wet materials, real geometry. The
+augmentation sees only the recording: photographs, LiDAR, masks, poses. How strong a shower makes how much wetness is not
+given: each method takes the global wetness that suits it best on the first frame, and is scored on the others.
 """
 
 from __future__ import annotations
