@@ -127,7 +127,9 @@ def reflected_radiance(world, picture, diffuse, ground, buffer, s, stream, index
             e = radiance_of(picture, picture.texels, world, face, b1, b2, q)
             return r + weight * e[0], g + weight * e[1], b + weight * e[2]
         w_sat, w_acc = levels(water)
-        e = radiance_of(picture, diffuse, world, face, b1, b2, q)
+        # Where the path ends, the gloss that the picture shows stands in for the one that is not traced any more.
+        layer = picture.texels if bounce == bounces else diffuse
+        e = radiance_of(picture, layer, world, face, b1, b2, q)
         x, y, z = project(picture.P, q)
         inside = z > 0.05 and 0.0 <= x < diffuse.shape[1] and 0.0 <= y < diffuse.shape[0]
         for c in range(3):
