@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import io
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -221,8 +222,12 @@ def write_exr(path: str | Path, channels: dict[str, NDArray], header: dict[str, 
     with replacing(path) as temporary, OpenEXR.File(head, pixels) as file:
         try:
             file.write(str(temporary))
-        except RuntimeError as error:  # the library does not say which failure of the disk it met
-            raise OSError(errno.EIO, "a failing write (is the disk full?)", str(temporary)) from error
+        except RuntimeError as error:
+            # The library says only in words which failure of the disk it met.
+            known = (code for code in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG) if os.strerror(code) in str(error))
+            code = next(known, None)
+            words = "a failing write (is the disk full?)" if code is None else os.strerror(code)
+            raise OSError(errno.EIO if code is None else code, words, str(temporary)) from error
 
 
 def _check_whole(data: bytes, path: Path) -> None:
