@@ -27,7 +27,9 @@ class WaterSettings:
         0.5, "value of the puddle pattern above which water stands on flat ground at w = 1 (standing)", within="[0, 1]"
     )
     pattern_share: float = setting(
-        0.3, "how far the puddle pattern covers ground that has no hollow to hold water (standing)", within="[0, 1]"
+        0.7,
+        "how far the puddle pattern covers ground that has no hollow to hold water; 0 trusts the height map alone (standing)",
+        within="[0, 1]",
     )
     hollow_noise: float = setting(0.006, "hollows less deep than this are noise of the height map [m] (standing)", within="[0, 1]")
     hollow_film: float = setting(0.003, "depth of water that covers the ground's texture [m] (standing)", within="(0, 1]")
