@@ -19,11 +19,11 @@ words is that pores fill first, then puddles, at low places. So `standing` has
     W = M lerp(w_sat / 2, 1, w_acc),  w_sat = clamp(2 w S),  w_acc = max(hollows, pattern_share * smoothstep(P; t, t + 1/2))
 
 with P = A0 F stays and t = 1 / (2 w). Since A0 > 1/2 on a third of flat ground, the pattern reaches that third at w = 1 (the
-thesis's maximum), the fifth where A0 > 3/4 at w = 2/3, and only low places at w = 1/3. It is there for the look: it stands
-for unevenness that no height map resolves, and `pattern_share=0` leaves it out. The hollows are the closed depressions that `hollows.py` finds: filled from below, a hollow
-of depth D holds water up to (1 - w) D below its spill level. Against the true wet street the
-hollows alone come nearest (`make proof`): a random puddle is a wrong one. At w = 1 pores are full (w_sat is 1 on average, within a fourth). M multiplies
-last, so M = 0.5 never exceeds saturation, and W rises with w on flat ground.
+thesis's maximum), the fifth where A0 > 3/4 at w = 2/3, and only low places at w = 1/3. It stands for unevenness that no height
+map resolves; `pattern_share=0` leaves it out. The hollows are the closed depressions that `hollows.py` finds: filled from
+below, a hollow of depth D holds water up to (1 - w) D below its spill level. Against the true wet street the hollows alone
+come nearest (`make proof` compares): a random puddle is a wrong one. At w = 1 pores are full (w_sat is 1 on average, within a
+fourth). M multiplies last, so M = 0.5 never exceeds saturation, and W rises with w on flat ground.
 
 The noise: at k = 100/m the ripples that a scanner's rings leave, 2 mm high, would show as stripes of water.
 

@@ -27,7 +27,7 @@ class WaterSettings:
         0.5, "value of the puddle pattern above which water stands on flat ground at w = 1 (standing)", within="[0, 1]"
     )
     pattern_share: float = setting(
-        0.7,
+        1.0,
         "how far the puddle pattern covers ground that has no hollow to hold water; 0 trusts the height map alone (standing)",
         within="[0, 1]",
     )
