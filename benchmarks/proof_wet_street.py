@@ -175,5 +175,7 @@ def _recomposition_proof(
     report.proof(
         name="recomposition at w = 0, second seed: deviation over prediction", value=deviation, bound=1.0, holds=deviation <= 1.0
     )
+    # The unseen sky is set so that 5 % of the ground's pixels exceed their light in the mean of the channels; any of three
+    # channels may do so.
     clamped = first.clamped_share
-    report.proof(name="share of the ground's pixels clamped (reported)", value=clamped, bound=1.0, holds=True)
+    report.proof(name="share of the ground's pixels clamped in any channel", value=clamped, bound=0.15, holds=clamped <= 0.15)
