@@ -60,7 +60,7 @@ def augment(
     Returns
     -------
     report : list of dict
-        Per frame and wetness: clamped share, mean saturation, mean standard error, seconds.
+        Per frame and wetness: samples, clamped share, mean saturation and accumulation, standard error.
 
     Raises
     ------
@@ -106,15 +106,15 @@ def estimate_sky_gain(scene: Scene, frames: list[int], normals: NDArray[np.float
     the ground allow. One value serves the whole drive, or the street would flicker.
     """
     allowed = []
+    picture: ProjectedFrame | None = None
     for index in frames[:: max(1, len(frames) // _GAIN_FRAMES)][:_GAIN_FRAMES]:
-        picture = project_frame(scene, index)
+        picture = project_frame(scene, index, picture)
         wanted = np.zeros_like(picture.is_ground)
         wanted[1::_GAIN_STEP, 1::_GAIN_STEP] = picture.is_ground[1::_GAIN_STEP, 1::_GAIN_STEP]
         if not wanted.any():
             continue
         gloss = []
-        for gain in (0.0, 1.0):
-            frame = project_frame(scene, index, picture, gain)
+        for frame in (project_frame(scene, index, picture, 0.0), picture):
             gloss.append(_separated(frame, scene, normals, replace(settings, samples=_GAIN_SAMPLES), wanted).specular[wanted])
         light = picture.image[wanted].mean(axis=-1) - gloss[0].mean(axis=-1)
         added = (gloss[1] - gloss[0]).mean(axis=-1)

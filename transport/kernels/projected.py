@@ -13,6 +13,7 @@ from numba import njit
 
 from materials.kernels.frames import dot, normalize
 
+from .lights import environment_radiance
 from .rays import hit_normal, intersect
 from .shading import leave
 
@@ -168,22 +169,7 @@ def sky_radiance(picture, d):
             row, col = int(y), int(x)
             if picture.texels[row, col, _INSTANCE] == 0 and math.isinf(picture.texels[row, col, _FAR]):
                 return sample_image(picture.texels, picture.texels, x, y, 0)
-    sky = picture.sky
-    height, width = sky.shape[0], sky.shape[1]
-    y = min(max(math.acos(min(1.0, max(-1.0, d[2]))) / math.pi * height - 0.5, 0.0), height - 1.0)
-    x = (math.atan2(d[1], d[0]) / (2.0 * math.pi) + 0.5) * width - 0.5
-    y0 = int(y)
-    y1 = min(y0 + 1, height - 1)
-    fx = math.floor(x)
-    ax, ay = x - fx, y - y0
-    x0 = int(fx) % width
-    x1 = (x0 + 1) % width
-    a, b, c, e = (1.0 - ax) * (1.0 - ay), ax * (1.0 - ay), (1.0 - ax) * ay, ax * ay
-    return (
-        sky[y0, x0, 0] * a + sky[y0, x1, 0] * b + sky[y1, x0, 0] * c + sky[y1, x1, 0] * e,
-        sky[y0, x0, 1] * a + sky[y0, x1, 1] * b + sky[y1, x0, 1] * c + sky[y1, x1, 1] * e,
-        sky[y0, x0, 2] * a + sky[y0, x1, 2] * b + sky[y1, x0, 2] * c + sky[y1, x1, 2] * e,
-    )
+    return environment_radiance(picture.sky, d[0], d[1], d[2])
 
 
 @njit(cache=True, forceinline=True)
