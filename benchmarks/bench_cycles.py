@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from materials.foundation.files import make_folder, replacing
 from scene.images import read_exr
 from scene.scene_file import Scene, read_scene
-from scene.water import water_level
+from scene.wetting.water import water_level
 from transport.augment import AugmentSettings, separate_frame
 from transport.kernels.wet import WetGround
 from transport.projected_world import ProjectedFrame, project_frame
@@ -208,8 +208,8 @@ def _scene(folder: Path) -> Path:
         return Path(os.environ[_SCENE])
     target = folder / "street" / "scene"
     if not (target / "scene.json").exists():
-        from scene.build import build
-        from scene.build_settings import BuildSettings
+        from scene.reconstruction.build import build
+        from scene.reconstruction.build_settings import BuildSettings
         from scene.street import StreetSettings, street
         from transport.photograph import PhotographSettings, photograph
 

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
 from materials.foundation.progress import stage
-from scene.build import build
-from scene.build_settings import BuildSettings
 from scene.images import encode
+from scene.reconstruction.build import build
+from scene.reconstruction.build_settings import BuildSettings
 from scene.recording import read_recording
 from scene.scene_file import Scene, read_scene
 from scene.street import Street, StreetSettings, street
-from scene.water import water_level
+from scene.wetting.water import water_level
 from transport.augment import AugmentSettings, estimate_sky_gain, separate_frame
 from transport.contact_sheet import contact_sheet
 from transport.photograph import PhotographSettings, photograph

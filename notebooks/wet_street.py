@@ -32,11 +32,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from scene import BuildSettings
-from scene.build import build
 from scene.images import encode, read_raw
-from scene.preview import oblique_view
+from scene.reconstruction.build import build
+from scene.reconstruction.preview import oblique_view
 from scene.street import StreetSettings, street
-from scene.water import water_level
+from scene.wetting.water import water_level
 from transport.augment import AugmentSettings, estimate_sky_gain, separate_frame
 from transport.photograph import PhotographSettings, photograph
 from transport.projected_world import project_frame

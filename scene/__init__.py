@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:  # what a type checker sees of the lazy names below
-    from .build_settings import BuildSettings
     from .camera import Camera
     from .images import read_image, write_image
     from .mesh import Mesh, read_ply, write_ply
+    from .reconstruction.build_settings import BuildSettings
     from .recording import Recording, read_recording
-    from .recording_source import open_recording
     from .scene_file import Scene, read_scene, write_scene
+    from .sources.recording_source import open_recording
 
 __all__ = [
     "BuildSettings",
@@ -37,12 +37,12 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "build_settings": ["BuildSettings"],
+        "reconstruction.build_settings": ["BuildSettings"],
         "camera": ["Camera"],
         "images": ["read_image", "write_image"],
         "mesh": ["Mesh", "read_ply", "write_ply"],
         "recording": ["Recording", "read_recording"],
-        "recording_source": ["open_recording"],
+        "sources.recording_source": ["open_recording"],
         "scene_file": ["Scene", "read_scene", "write_scene"],
     },
 )

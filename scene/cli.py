@@ -11,7 +11,7 @@ from materials.foundation.command import add_common_flags, run_command
 from materials.foundation.errors import InputError
 from materials.foundation.settings import add_flags, from_mapping, read_toml
 
-from .build_settings import BuildSettings
+from .reconstruction.build_settings import BuildSettings
 
 FORMATS = ("auto", "recording", "kitti-raw", "kitti-odometry", "colmap", "nerfstudio", "images", "cloud")
 
@@ -86,9 +86,9 @@ def _body(args: argparse.Namespace) -> None:
     # Imported here, so that --help and a wrong flag answer at once.
     import json
 
-    from .build import build
+    from .reconstruction.build import build
     from .recording import select_frames
-    from .recording_source import open_recording
+    from .sources.recording_source import open_recording
 
     settings = _settings(args)
     output = Path(args.output)

@@ -18,8 +18,8 @@ from materials.foundation.settings import as_dict
 from scene.images import write_exr, write_raw
 from scene.recording import Frame
 from scene.scene_file import Scene
-from scene.water import water_level
-from scene.wetting_patterns import puddle_pattern
+from scene.wetting.water import water_level
+from scene.wetting.wetting_patterns import puddle_pattern
 
 from .augment_settings import AugmentSettings, check_wetness
 from .projected_world import ProjectedFrame, project_frame

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 from materials.foundation.settings import check_settings, setting
 from materials.relief_settings import ImageRelief
-from scene.water_settings import WaterSettings
+from scene.wetting.water_settings import WaterSettings
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,8 @@ def main(argv: list[str] | None = None) -> int:
 def _run(args: argparse.Namespace) -> None:
     from scene.images import read_raw
     from scene.recording import select_frames
-    from scene.recording_copy import check_recording
     from scene.scene_file import read_scene
+    from scene.sources.recording_copy import check_recording
 
     from .augment import augment, picture_name, summarise
     from .augment_settings import AugmentSettings, check_wetness

@@ -26,9 +26,9 @@ def main(argv: list[str] | None = None) -> int:
 
 def _run(args: argparse.Namespace) -> None:
     from materials.foundation.progress import stage
-    from scene.build import build
-    from scene.build_settings import BuildSettings
     from scene.images import read_raw
+    from scene.reconstruction.build import build
+    from scene.reconstruction.build_settings import BuildSettings
     from scene.recording import read_recording
     from scene.scene_file import read_scene
     from scene.street import StreetSettings, street

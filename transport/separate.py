@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from materials.from_image import ImageRelief, bump_normals, height_variation, roughness_map
 from materials.wetness import diffuse_attenuation, porosity_attenuation
 from scene.grid import GroundGrid
-from scene.map_filters import fit_local_plane
+from scene.wetting.map_filters import fit_local_plane
 
 from .kernels.wet import SPLIT, WetGround, specular_pass
 from .projected_world import ProjectedFrame

@@ -4,7 +4,7 @@ import pytest
 
 from materials.foundation.errors import InputError
 from scene.noise import UNIT_SIGMA, octaves_between, spectral_noise_2d, spectral_noise_3d, to_unit
-from scene.wetting_patterns import moisture_pattern, puddle_pattern
+from scene.wetting.wetting_patterns import moisture_pattern, puddle_pattern
 
 
 def grid(n, cell):

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.frame_view import depth_map, raycasting_scene
 from scene.images import write_raw
 from scene.mesh import Mesh
+from scene.reconstruction.frame_view import depth_map, raycasting_scene
 from scene.recording import Frame, MaskFile, Recording
 from scene.transforms import look_at
 
