@@ -41,8 +41,8 @@ notebooks: setup  ## run the notebooks in notebooks/ (Jupyter is installed into 
 	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements-notebooks.lock
 	$(BIN)/python -m pytest --nbmake --nbmake-timeout=1200 notebooks/*.ipynb $(ARGS)
 
-lock: setup  ## renew the lock files from pyproject.toml (needs network and uv)
-	tools/lock.sh
+lock: setup  ## renew the lock files from pyproject.toml; ARGS=--upgrade takes the newest (needs network)
+	tools/lock.sh $(ARGS)
 
 clean:  ## remove the environment, caches and results
 	rm -rf .venv out .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Renew the lock files: one resolution for Python 3.11 to 3.13 on every platform, with the hash of every file.
+# Renew the lock files, keeping the versions they name where these still serve; with --upgrade, take the newest: one resolution for Python 3.11 to 3.13 on every platform, with the hash of every file.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 uv=(uv)
@@ -7,9 +7,10 @@ if ! command -v uv >/dev/null; then
     .venv/bin/python -m pip install --quiet --target .venv/lock-tools uv
     uv=(.venv/lock-tools/bin/uv)
 fi
+upgrade=("$@")
 # Only the public index is asked, whatever the machine is set up for, and no address is written into the file.
 compile() {
-    "${uv[@]}" pip compile --quiet --no-config --universal --python-version 3.11 --generate-hashes --no-annotate --upgrade \
+    "${uv[@]}" pip compile --quiet --no-config --universal --python-version 3.11 --generate-hashes --no-annotate "${upgrade[@]}" \
         --no-emit-index-url --no-emit-find-links --custom-compile-command "make lock" "$@"
 }
 compile pyproject.toml --extra dev -o requirements.lock
