@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,9 @@ class Material:
     - `dielectric`: smooth glass or water, eta inside over outside; `rough_dielectric` with alpha
     - `emission`: black, emits
 
-    A `film` may lie on `lambert`, `ggx` and `coated`.
+    A `film` may lie on `lambert`, `ggx` and `coated`. The albedo is `albedo_texture`, where there is one, else `albedo`, times
+    `albedo_scale`. An anisotropic `ggx` has `alpha_u` along dp/du of the mesh and `alpha_v` across; both or none. `free` names
+    the parameters that were not known exactly: a diagnosis fits them first.
     """
 
     model: Literal["lambert", "ggx", "coated", "mirror", "dielectric", "rough_dielectric", "emission"] = "lambert"
@@ -68,6 +71,10 @@ class Material:
     opacity_texture: Texture | None = None
     emission: RGB = (0.0, 0.0, 0.0)
     film: Film | None = None
+    albedo_scale: float = 1.0
+    alpha_u: float | None = None
+    alpha_v: float | None = None
+    free: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -116,9 +123,86 @@ Light = DirectionalLight | PointLight | EnvironmentLight
 
 
 @dataclass(frozen=True)
+class Medium:
+    """What fills the space: homogeneous within `bounds` (everywhere if None), or thinning with height.
+
+    Attributes
+    ----------
+    sigma_t : float
+        Extinction [1/m]; with `scale_height`, at `base_z`: sigma_t exp(-(z - base_z) / scale_height).
+    albedo : RGB
+        Single-scattering albedo.
+    g : float
+        Mean cosine of scattering.
+    bounds : ((x, y, z), (x, y, z)) or None
+        Opposite corners of the box that it fills [m].
+    scale_height : float or None
+        [m]
+    base_z : float
+        [m]
+    """
+
+    sigma_t: float
+    albedo: RGB = (1.0, 1.0, 1.0)
+    g: float = 0.0
+    bounds: tuple[RGB, RGB] | None = None
+    scale_height: float | None = None
+    base_z: float = 0.0
+
+
+@dataclass(frozen=True)
+class AddedEffect:
+    """Physics that no other field of the format holds, by its name in the catalogue of `evaluate.mismatch`.
+
+    `target` is the name of a shape, light or frame, or None for everything.
+    """
+
+    id: str
+    target: str | None = None
+    parameters: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Transport:
+    """How far light is followed: `max_bounces` scattering events (1 is direct light), with or without `shadows`."""
+
+    max_bounces: int = 8
+    shadows: bool = True
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A pinhole, or a thin lens (`aperture_radius`, `focus_distance` [m]), with `k1`, `k2` of Brown-Conrady's distortion."""
+
+    model: Literal["pinhole", "thin_lens"] = "pinhole"
+    aperture_radius: float = 0.0
+    focus_distance: float = math.inf
+    k1: float = 0.0
+    k2: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """How radiance becomes pixels: `linear`, or `gamma` (value ** (1 / gamma)); clipped at `saturation` if that is given."""
+
+    response: Literal["linear", "gamma"] = "linear"
+    gamma: float = 1.0
+    saturation: float | None = None
+
+
+@dataclass(frozen=True)
 class Simulation:
-    """Shapes, the materials they name, and the lights. Static shapes come first for the tracer's sake: it sorts them."""
+    """Shapes, the materials they name, and the lights. Static shapes come first for the tracer's sake: it sorts them.
+
+    What the tracer does not take from here (it is given its own arguments) is what a file says about how the image came about:
+    `transport`, `medium`, `lens`, `sensor`, and `effects` in the order in which they act.
+    """
 
     shapes: tuple[Shape, ...]
     materials: dict[str, Material]
     lights: dict[str, Light] = field(default_factory=dict)
+    transport: Transport = Transport()
+    medium: Medium | None = None
+    lens: Lens = Lens()
+    sensor: Sensor = Sensor()
+    effects: tuple[AddedEffect, ...] = ()

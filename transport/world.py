@@ -36,7 +36,14 @@ _TEXTURES = {
     a.NORMAL_TEXTURE: "normal_texture",
     a.OPACITY_TEXTURE: "opacity_texture",
 }
-_RANGES = {"albedo": "[0, 1]", "eta": "(0, inf)", "alpha": "[0, inf)", "specular_scale": "[0, inf)", "emission": "[0, inf)"}
+_RANGES = {
+    "albedo": "[0, 1]",
+    "albedo_scale": "[0, inf)",
+    "eta": "(0, inf)",
+    "alpha": "[0, inf)",
+    "specular_scale": "[0, inf)",
+    "emission": "[0, inf)",
+}
 # Beyond these the series of bounces inside a film and the tables of its rough surface have no meaning.
 _FILM_RANGES = {"coverage": "[0, 1]", "thickness": "[0, inf)", "eta": "[1, 3]", "alpha": "[0, 1]", "sigma_a": "[0, inf)"}
 # What water can lie on: glass, mirrors and lamps have no diffuse base for a film to darken.
@@ -219,9 +226,14 @@ def _materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray, NDArra
         kinds[i] = _KINDS[m.model]
         # A coat is smooth unless a texture says otherwise; `Material.alpha` is the width of other models.
         alpha = 0.0 if m.model == "coated" else m.alpha
-        values[i, a.ALBEDO : a.ALBEDO + 3] = m.albedo if m.albedo_texture is None else (1.0, 1.0, 1.0)
+        base = m.albedo if m.albedo_texture is None else (1.0, 1.0, 1.0)
+        values[i, a.ALBEDO : a.ALBEDO + 3] = np.asarray(base) * m.albedo_scale
         values[i, a.SPECULAR_SCALE], values[i, a.ETA] = m.specular_scale, m.eta
         values[i, a.ALPHA_U] = values[i, a.ALPHA_V] = alpha if m.alpha_texture is None else 1.0
+        if m.model == "ggx" and m.alpha_u is not None and m.alpha_v is not None:
+            for key in ("alpha_u", "alpha_v"):
+                check_range(f"materials.{name}.{key}", getattr(m, key), "[0, inf)")
+            values[i, a.ALPHA_U], values[i, a.ALPHA_V] = m.alpha_u, m.alpha_v
         values[i, a.EMISSION : a.EMISSION + 3] = m.emission
         for slot, kind in _TEXTURES.items():
             slots[i, slot] = store.add(getattr(m, kind), f"materials.{name}.{kind}")
