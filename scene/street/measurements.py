@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from materials.foundation.files import replacing, write_json
 from materials.foundation.progress import tracked
 
+from ..flow_files import write_flow
 from ..images import write_exr, write_raw
 from ..recording import Frame, MaskFile, Noise, PointsFile, Recording, write_recording
 from .drive import CLASSES
@@ -63,20 +62,6 @@ def write_street_recording(street: Street, folder: str | Path, noise: Noise | No
     return recording
 
 
-@dataclass(frozen=True)
-class KittiFlow:
-    """A flow field as KITTI stores it: (v - 32768) / 64 px, and where it is known."""
-
-    flow: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-
-    def stored(self) -> NDArray[np.uint16]:
-        """Return (H, W, 3) uint16: u, v, valid."""
-        coded = np.clip(np.rint(np.nan_to_num(self.flow) * 64 + 32768), 0, 65535)
-        fits = (np.abs(self.flow) < 511.9).all(axis=-1) & self.valid
-        return np.where(fits[..., None], np.dstack([coded, np.ones(fits.shape)]), 0).astype(np.uint16)
-
-
 def _write_truth(folder: Path, frame: int, truth: FrameTruth) -> None:
     name = f"{frame:04d}"
     write_raw(folder / "masks" / f"{name}.png", truth.instance)
@@ -84,19 +69,9 @@ def _write_truth(folder: Path, frame: int, truth: FrameTruth) -> None:
     write_exr(folder / "truth" / "normal" / f"{name}.exr", {f"normal.{c}": truth.normal[..., i] for i, c in enumerate("XYZ")})
     if truth.flow is None or truth.visible is None:
         return
-    with replacing(folder / "truth" / "flow" / f"{name}.npy") as temporary:
-        np.save(temporary, truth.flow)
-    known = np.asarray(np.isfinite(truth.flow).all(axis=-1))
-    stored = KittiFlow(truth.flow, known).stored()
-    _write_png16(folder / "truth" / "flow" / f"{name}.png", stored)
+    for suffix in (".npy", ".png"):
+        write_flow(folder / "truth" / "flow" / f"{name}{suffix}", truth.flow)
     write_raw(folder / "truth" / "visible" / f"{name}.png", truth.visible.astype(np.uint8) * 255)
-
-
-def _write_png16(path: Path, rgb: NDArray[np.uint16]) -> None:
-    done, data = cv2.imencode(".png", rgb[..., ::-1])
-    assert done
-    with replacing(path) as temporary:
-        temporary.write_bytes(data.tobytes())
 
 
 def _write_npz(path: Path, points: NDArray[np.float32]) -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from scene.flow_files import read_flow
 from scene.images import read_exr, read_raw
 from scene.recording import Noise, read_recording
 from scene.street import Street
 from scene.street.drive import AHEAD, CLASSES
 from scene.street.lidar import LidarSettings, sweep
-from scene.street.measurements import KittiFlow, write_measurements, write_street_recording
+from scene.street.measurements import write_measurements, write_street_recording
 from scene.street.rays import RayScene
 from scene.street.truth import FrameTruth, frame_truth, ray_scene
 from scene.transforms import invert, transform_points
@@ -127,13 +128,6 @@ def test_what_leaves_the_image_is_not_visible(small_street: Street, truth: Frame
     assert truth.visible.mean() > 0.6
 
 
-def test_kitti_flow_is_stored_to_a_128th_of_a_pixel():
-    flow = np.random.default_rng(0).uniform(-100, 100, (5, 6, 2)).astype(np.float32)
-    stored = KittiFlow(flow, np.ones((5, 6), bool)).stored()
-    assert (stored[..., 2] == 1).all()
-    np.testing.assert_allclose((stored[..., :2].astype(float) - 32768) / 64, flow, atol=1 / 128)
-
-
 def test_a_written_recording_reads_back_whole(small_street: Street, truth: FrameTruth, tmp_path: Path):
     write_measurements(small_street, tmp_path, SPARSE)
     for frame in range(small_street.settings.frames):
@@ -150,5 +144,7 @@ def test_a_written_recording_reads_back_whole(small_street: Street, truth: Frame
     with np.load(first.points.file) as data:
         assert data["points"].shape[1] == 3 and len(data["points"]) > 1000
     np.testing.assert_array_equal(read_exr(tmp_path / "truth" / "depth" / "0000.exr")["depth.Z"], truth.depth)
-    np.testing.assert_array_equal(np.load(tmp_path / "truth" / "flow" / "0000.npy"), truth.flow)
+    stored = read_flow(tmp_path / "truth" / "flow" / "0000.npy")
+    np.testing.assert_array_equal(stored.flow[stored.valid], truth.flow[stored.valid])
+    np.testing.assert_array_equal(stored.valid, np.isfinite(truth.flow).all(axis=-1))
     assert not (tmp_path / "truth" / "flow" / "0002.npy").exists()
