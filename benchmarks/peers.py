@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 CHECKOUT = Path(__file__).resolve().parent.parent
+_OLDEST_LLVM = 18
 _BLENDER_LIBRARIES = "libxrender1 libxxf86vm1 libxfixes3 libxi6 libxkbcommon0 libsm6 libice6 libegl1"
 
 
@@ -79,6 +81,15 @@ def _install(python: Path, lock: Path, name: str) -> None:
 
 
 def _llvm() -> Path | None:
-    """Find a libLLVM: Dr.Jit looks only for the name without a version, which Debian's packages do not have."""
-    found = [p for pattern in ("libLLVM.so.*", "libLLVM-*.so*") for p in Path("/usr/lib").glob(f"*-linux-gnu/{pattern}")]
-    return sorted(found)[-1] if found else None
+    """Find the newest libLLVM: Dr.Jit looks only for the name without a version, which Debian's packages do not have.
+
+    Code for recent processors makes those before 18 abort ("Cannot select fminimum"), with all of Python.
+    """
+    found: dict[int, Path] = {}
+    for pattern in ("libLLVM.so.*", "libLLVM-*.so*"):
+        for path in Path("/usr/lib").glob(f"*-linux-gnu/{pattern}"):
+            if version := re.search(r"libLLVM(?:\.so\.|-)(\d+)", path.name):
+                found[int(version[1])] = path
+    if found and max(found) < _OLDEST_LLVM:
+        raise PeerMissing(f"Mitsuba needs LLVM {_OLDEST_LLVM} or newer, found {max(found)}. On Debian: apt-get install libllvm19")
+    return found[max(found)] if found else None
