@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:  # what a type checker sees of the lazy names below
-    from . import catalog, dielectric, fresnel, from_image, ggx, lambert, microfacet, scattering, water_film, wetness
+    from . import catalog, dielectric, fresnel, from_image, ggx, lambert, microfacet, phase, scattering, water_film, wetness
     from .catalog import CATALOG, named
     from .scattering import Sample, Surface, albedo, evaluate, pdf, sample
 
@@ -26,6 +26,7 @@ __all__ = [
     "microfacet",
     "named",
     "pdf",
+    "phase",
     "sample",
     "scattering",
     "water_film",
@@ -35,7 +36,8 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(
     __name__,
     submodules={
-        "catalog", "dielectric", "fresnel", "from_image", "ggx", "lambert", "microfacet", "scattering", "water_film", "wetness",
+        "catalog", "dielectric", "fresnel", "from_image", "ggx", "lambert", "microfacet", "phase", "scattering", "water_film",
+        "wetness",
     },
     submod_attrs={
         "catalog": ["CATALOG", "named"],
