@@ -7,7 +7,26 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:  # what a type checker sees of the lazy names below
-    from . import catalog, dielectric, fresnel, from_image, ggx, lambert, microfacet, phase, scattering, water_film, wetness
+    from . import (
+        catalog,
+        conductor,
+        cook_torrance,
+        dielectric,
+        disney,
+        fresnel,
+        from_image,
+        ggx,
+        gloss,
+        lambert,
+        microfacet,
+        oren_nayar,
+        phase,
+        phong,
+        scattering,
+        ward,
+        water_film,
+        wetness,
+    )
     from .catalog import CATALOG, named
     from .scattering import Sample, Surface, albedo, evaluate, pdf, sample
 
@@ -17,18 +36,25 @@ __all__ = [
     "Surface",
     "albedo",
     "catalog",
+    "conductor",
+    "cook_torrance",
     "dielectric",
+    "disney",
     "evaluate",
     "fresnel",
     "from_image",
     "ggx",
+    "gloss",
     "lambert",
     "microfacet",
     "named",
+    "oren_nayar",
     "pdf",
     "phase",
+    "phong",
     "sample",
     "scattering",
+    "ward",
     "water_film",
     "wetness",
 ]
@@ -36,8 +62,8 @@ __all__ = [
 __getattr__, __dir__, _ = lazy_loader.attach(
     __name__,
     submodules={
-        "catalog", "dielectric", "fresnel", "from_image", "ggx", "lambert", "microfacet", "phase", "scattering", "water_film",
-        "wetness",
+        "catalog", "conductor", "cook_torrance", "dielectric", "disney", "fresnel", "from_image", "ggx", "gloss",
+        "lambert", "microfacet", "oren_nayar", "phase", "phong", "scattering", "ward", "water_film", "wetness",
     },
     submod_attrs={
         "catalog": ["CATALOG", "named"],

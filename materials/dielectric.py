@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from .foundation.checks import check_range
-from .kernels.bsdf import DIELECTRIC, ROUGH_DIELECTRIC, Surface
+from .kernels.kinds import DIELECTRIC, ROUGH_DIELECTRIC, Surface
 from .scattering import blank
 
 

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from .foundation.checks import check_range
-from .kernels.bsdf import GGX, Surface
-from .lambert import surface as lambert_surface
-from .scattering import RGB, check_albedo
+from .gloss import Tail, gloss
+from .kernels.kinds import GGX, Surface
+from .scattering import RGB
 
 
-def surface(albedo: RGB, alpha: float, *, eta: float = 1.5, specular_scale: float = 1.0, alpha_v: float | None = None) -> Surface:
+def surface(
+    albedo: RGB,
+    alpha: float,
+    *,
+    eta: float = 1.5,
+    specular_scale: float = 1.0,
+    alpha_v: float | None = None,
+    tint: RGB = (1.0, 1.0, 1.0),
+    tail: Tail | None = None,
+) -> Surface:
     """Return Lambert (not reduced by the lobe) + specular_scale x GGX, Schlick's Fresnel from eta.
 
     Parameters
@@ -23,6 +31,10 @@ def surface(albedo: RGB, alpha: float, *, eta: float = 1.5, specular_scale: floa
         Factor of the lobe, not negative.
     alpha_v : float, optional
         Width across, for anisotropic surfaces.
+    tint : (3,) float
+        Colour of the lobe.
+    tail : Tail, optional
+        A second lobe.
 
     Notes
     -----
@@ -34,12 +46,4 @@ def surface(albedo: RGB, alpha: float, *, eta: float = 1.5, specular_scale: floa
     >>> surface((0.1, 0.1, 0.1), 0.25).alpha_v
     0.25
     """
-    check_albedo(albedo)
-    check_range("alpha", alpha, "(0, 1]")
-    across = alpha if alpha_v is None else alpha_v
-    check_range("alpha_v", across, "(0, 1]")
-    check_range("eta", eta, "[1, inf)")
-    check_range("specular_scale", specular_scale, "[0, inf)")
-    return lambert_surface(albedo)._replace(
-        kind=GGX, specular_scale=float(specular_scale), eta=float(eta), alpha_u=float(alpha), alpha_v=float(across)
-    )
+    return gloss(GGX, albedo, alpha, alpha_v, specular_scale, eta, tint, tail)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .kernels.bsdf import EMISSION, MIRROR, Surface
+from .kernels.kinds import EMISSION, MIRROR, Surface
 from .scattering import RGB, blank, check_albedo
 
 

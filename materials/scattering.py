@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from .foundation.checks import check_finite, check_range, check_unit
 from .foundation.errors import InputError
 from .kernels import arrays as kernel
-from .kernels.bsdf import LAMBERT, Surface
+from .kernels.kinds import LAMBERT, PLAIN, Surface
 
 Floats = NDArray[np.float64]
 RGB = tuple[float, float, float]
@@ -111,7 +111,7 @@ def albedo(surface: Surface, cos_o: ArrayLike) -> Floats:
 
 def blank() -> Surface:
     """Return a black Lambertian surface: the others are this with their own fields replaced."""
-    return Surface(LAMBERT, 0.0, 0.0, 0.0, 0.0, 1.5, 1.0, 1.0, 1.33, 0.0, 0.0, 0.0, 0.0)
+    return Surface(LAMBERT, 0.0, 0.0, 0.0, 0.0, 1.5, 1.0, 1.0, 1.33, 0.0, 0.0, 0.0, 0.0, PLAIN)
 
 
 def check_albedo(value: RGB, name: str = "albedo") -> RGB:

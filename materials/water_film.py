@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .foundation.checks import check_range
-from .kernels.bsdf import COATED, Surface
+from .kernels.kinds import COATED, Surface
 from .lambert import surface as lambert_surface
 from .scattering import RGB, check_albedo
 

@@ -9,6 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from materials.disney import Principled
+from materials.gloss import Tail
+
 from .mesh import Mesh
 
 RGB = tuple[float, float, float]
@@ -49,18 +52,40 @@ class Material:
     """How a shape scatters. `model` is one of
 
     - `lambert`: albedo / pi
+    - `oren_nayar`: rough matte, the qualitative model of Oren and Nayar (1994) with `sigma` [rad]
     - `ggx`: Lambert (not reduced by the specular term) + specular_scale x GGX (height-correlated Smith, Schlick from eta)
+    - `cook_torrance`: the same with the facets of Ashikhmin and Shirley; `ward` and `phong`: the same with these lobes,
+      which know no Fresnel. `normalisation` is Ward's
+    - `conductor`: a metal of complex index `metal` = (eta, k) per channel, GGX facets; `alpha` 0 is a mirror
+    - `disney`: the principled BRDF, base colour `albedo`, all else in `principled`
     - `coated`: a smooth dielectric interface (eta, exact Fresnel) over a Lambertian base, all internal bounces included
     - `mirror`: a perfect mirror times albedo
     - `dielectric`: smooth glass or water, eta inside over outside; `rough_dielectric` with alpha
     - `emission`: black, emits
 
-    A `film` may lie on `lambert`, `ggx` and `coated`. The albedo is `albedo_texture`, where there is one, else `albedo`, times
-    `albedo_scale`. An anisotropic `ggx` has `alpha_u` along dp/du of the mesh and `alpha_v` across; both or none. `free` names
-    the parameters that were not known exactly: a diagnosis fits them first.
+    The albedo is `albedo_texture`, where there is one, else `albedo`, times `albedo_scale`. Widths are microfacet widths for
+    all models (a Phong exponent is 2 / alpha**2 - 2). Where `alpha_u` or `alpha_v` is given it replaces `alpha` along or
+    across; along is dp/du of the mesh, turned by `tangent_angle` [rad] about the normal. `alpha_texture` replaces `alpha`, or
+    with two or more channels both widths, and scales `alpha_u` and `alpha_v` where they are given. `tint` colours the lobes of
+    `ggx`, `cook_torrance`, `ward` and `phong`; `tail` adds a second lobe to them. A `film` may lie on `lambert`, `ggx` and
+    `coated`. `free` names the parameters that were not known exactly: a diagnosis fits them first.
     """
 
-    model: Literal["lambert", "ggx", "coated", "mirror", "dielectric", "rough_dielectric", "emission"] = "lambert"
+    model: Literal[
+        "lambert",
+        "oren_nayar",
+        "ggx",
+        "cook_torrance",
+        "ward",
+        "phong",
+        "conductor",
+        "disney",
+        "coated",
+        "mirror",
+        "dielectric",
+        "rough_dielectric",
+        "emission",
+    ] = "lambert"
     albedo: RGB = (0.5, 0.5, 0.5)
     albedo_texture: Texture | None = None
     eta: float = 1.5
@@ -75,6 +100,14 @@ class Material:
     alpha_u: float | None = None
     alpha_v: float | None = None
     free: tuple[str, ...] = ()
+    tangent_angle: float = 0.0
+    sigma: float = 0.3
+    tint: RGB = (1.0, 1.0, 1.0)
+    tint_texture: Texture | None = None
+    tail: Tail | None = None
+    normalisation: Literal["bounded", "original", "duer"] = "bounded"
+    metal: tuple[RGB, RGB] | None = None
+    principled: Principled | None = None
 
 
 @dataclass(frozen=True)

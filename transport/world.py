@@ -8,46 +8,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import maximum_filter
+from numpy.typing import NDArray
 
-from materials.foundation.checks import check_finite, check_range, check_shape
 from materials.foundation.errors import InputError
-from materials.kernels import bsdf
 from scene.camera import Camera
 from scene.mesh import Mesh
-from scene.simulation import DirectionalLight, EnvironmentLight, Film, Light, Material, PointLight, Shape, Simulation
+from scene.simulation import Light, Shape, Simulation
 
 from .embree import EmbreeScene
 from .kernels import arrays as a
+from .light_table import compile_lights
+from .material_table import compile_materials
 
-_KINDS = {
-    "lambert": bsdf.LAMBERT,
-    "ggx": bsdf.GGX,
-    "coated": bsdf.COATED,
-    "mirror": bsdf.MIRROR,
-    "dielectric": bsdf.DIELECTRIC,
-    "rough_dielectric": bsdf.ROUGH_DIELECTRIC,
-    "emission": bsdf.EMISSION,
-}
-_TEXTURES = {
-    a.ALBEDO_TEXTURE: "albedo_texture",
-    a.ALPHA_TEXTURE: "alpha_texture",
-    a.NORMAL_TEXTURE: "normal_texture",
-    a.OPACITY_TEXTURE: "opacity_texture",
-}
-_RANGES = {
-    "albedo": "[0, 1]",
-    "albedo_scale": "[0, inf)",
-    "eta": "(0, inf)",
-    "alpha": "[0, inf)",
-    "specular_scale": "[0, inf)",
-    "emission": "[0, inf)",
-}
-# Beyond these the series of bounces inside a film and the tables of its rough surface have no meaning.
-_FILM_RANGES = {"coverage": "[0, 1]", "thickness": "[0, inf)", "eta": "[1, 3]", "alpha": "[0, 1]", "sigma_a": "[0, inf)"}
-# What water can lie on: glass, mirrors and lamps have no diffuse base for a film to darken.
-_FILM_BASES = ("lambert", "ggx", "coated")
+__all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights"]
 
 
 @dataclass(frozen=True)
@@ -109,7 +82,7 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     moving_tree = EmbreeScene(vertices, faces[num_static:], 1) if moving else None
     scenes = (tree,) if moving_tree is None else (tree, moving_tree)
     names = list(simulation.materials)
-    kinds, values, slots, texels, info = _materials(simulation.materials)
+    kind_of, values, slots, texels, info = compile_materials(simulation.materials)
     arrays = a.WorldArrays(
         static_scene=tree.handle,
         dynamic_scene=0 if moving_tree is None else moving_tree.handle,
@@ -121,7 +94,7 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
         uv=uv,
         face_shape=face_shape,
         shape_material=np.array([names.index(s.material) for s in shapes], np.int32),
-        material_kind=kinds,
+        material_kind=kind_of,
         material_values=values,
         material_textures=slots,
         texels=texels,
@@ -133,32 +106,6 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
 def with_lights(world: World, lights: dict[str, Light]) -> World:
     """Return the same geometry under other lights."""
     return replace(world, lights=compile_lights(lights))
-
-
-def compile_lights(lights: dict[str, Light]) -> a.LightArrays:
-    """Gather lights into arrays; there can be one environment.
-
-    Raises
-    ------
-    InputError
-        If there are two environments, a direction has no length, or a radiance is negative or not finite.
-    """
-    suns, points, panorama = [], [], np.zeros((0, 1, 3), np.float32)
-    for name, light in lights.items():
-        if isinstance(light, DirectionalLight):
-            suns.append(_sun(light, name))
-        elif isinstance(light, PointLight):
-            check_finite(f"lights.{name}.position", light.position)
-            _check_brightness(f"lights.{name}.intensity", light.intensity)
-            points.append([*light.position, *light.intensity])
-        else:
-            if len(panorama):
-                raise InputError("be the only environment", key=f"lights.{name}")
-            panorama = _panorama(light, name)
-    row_cdf, col_cdf = _distribution(panorama)
-    return a.LightArrays(
-        np.array(suns, np.float64).reshape(-1, 8), np.array(points, np.float64).reshape(-1, 6), panorama, row_cdf, col_cdf
-    )
 
 
 def compile_camera(camera: Camera) -> a.CameraArrays:
@@ -213,124 +160,3 @@ def _geometry(shapes: tuple[Shape, ...]) -> tuple[NDArray, ...]:
 def _completed(mesh: Mesh) -> Mesh:
     mesh = mesh if mesh.normals is not None else mesh.with_smooth_normals()
     return mesh if mesh.uv is not None else replace(mesh, uv=np.zeros((len(mesh.vertices), 2), np.float32))
-
-
-def _materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-    kinds = np.zeros(len(materials), np.int64)
-    values = np.zeros((len(materials), a.NUM_VALUES), np.float64)
-    slots = np.full((len(materials), a.NUM_TEXTURES), -1, np.int32)
-    store = _TextureStore()
-    for i, (name, m) in enumerate(materials.items()):
-        for key, interval in _RANGES.items():
-            check_range(f"materials.{name}.{key}", getattr(m, key), interval)
-        kinds[i] = _KINDS[m.model]
-        # A coat is smooth unless a texture says otherwise; `Material.alpha` is the width of other models.
-        alpha = 0.0 if m.model == "coated" else m.alpha
-        base = m.albedo if m.albedo_texture is None else (1.0, 1.0, 1.0)
-        values[i, a.ALBEDO : a.ALBEDO + 3] = np.asarray(base) * m.albedo_scale
-        values[i, a.SPECULAR_SCALE], values[i, a.ETA] = m.specular_scale, m.eta
-        values[i, a.ALPHA_U] = values[i, a.ALPHA_V] = alpha if m.alpha_texture is None else 1.0
-        if m.model == "ggx" and m.alpha_u is not None and m.alpha_v is not None:
-            for key in ("alpha_u", "alpha_v"):
-                check_range(f"materials.{name}.{key}", getattr(m, key), "[0, inf)")
-            values[i, a.ALPHA_U], values[i, a.ALPHA_V] = m.alpha_u, m.alpha_v
-        values[i, a.EMISSION : a.EMISSION + 3] = m.emission
-        for slot, kind in _TEXTURES.items():
-            slots[i, slot] = store.add(getattr(m, kind), f"materials.{name}.{kind}")
-        if m.film is not None:
-            if m.model not in _FILM_BASES:
-                raise InputError(
-                    f"be None unless the model is one of {', '.join(_FILM_BASES)}", got=m.model, key=f"materials.{name}.film"
-                )
-            for key, interval in _FILM_RANGES.items():
-                check_range(f"materials.{name}.film.{key}", getattr(m.film, key), interval)
-            _film(m.film, values[i], slots[i], store, f"materials.{name}.film")
-        if not np.all(np.isfinite(values[i])):
-            raise InputError("be finite", got="NaN or infinity", key=f"materials.{name}")
-    return kinds, values, slots, *store.arrays()
-
-
-def _film(film: Film, values: NDArray, slots: NDArray, store: _TextureStore, key: str) -> None:
-    for kind, column, slot in (
-        ("coverage", a.FILM_COVERAGE, a.COVERAGE_TEXTURE),
-        ("thickness", a.FILM_THICKNESS, a.THICKNESS_TEXTURE),
-    ):
-        given = getattr(film, kind)
-        is_texture = isinstance(given, np.ndarray)
-        values[column] = 1.0 if is_texture else given
-        slots[slot] = store.add(given, f"{key}.{kind}") if is_texture else -1
-    values[a.FILM_ETA], values[a.FILM_ALPHA], values[a.FILM_LEVEL] = film.eta, film.alpha, film.level
-    values[a.FILM_SIGMA_A : a.FILM_SIGMA_A + 3] = film.sigma_a
-
-
-class _TextureStore:
-    """Textures one after the other; the same array is stored once."""
-
-    def __init__(self) -> None:
-        self._textures: list[NDArray] = []
-        self._index: dict[int, int] = {}
-
-    def add(self, texture: NDArray | None, key: str) -> int:
-        if texture is None:
-            return -1
-        if id(texture) not in self._index:
-            if not np.all(np.isfinite(texture)):
-                raise InputError("be finite", got="NaN or infinity", key=key)
-            self._index[id(texture)] = len(self._textures)
-            self._textures.append(texture)
-        return self._index[id(texture)]
-
-    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-        if not self._textures:
-            return np.zeros(1, np.float32), np.zeros((1, 4), np.int64)
-        sizes = [t.size for t in self._textures]
-        offsets = np.cumsum([0, *sizes[:-1]])
-        info = [(o, t.shape[1], t.shape[0], 1 if t.ndim == 2 else t.shape[2]) for o, t in zip(offsets, self._textures, strict=True)]
-        return np.concatenate([t.astype(np.float32).ravel() for t in self._textures]), np.array(info, np.int64)
-
-
-def _sun(light: DirectionalLight, name: str) -> list[float]:
-    direction = -np.asarray(light.direction, np.float64)
-    length = np.linalg.norm(direction)
-    if not length > 0:
-        raise InputError("have a length", got=light.direction, key=f"lights.{name}.direction")
-    _check_brightness(f"lights.{name}.irradiance", light.irradiance)
-    check_range(f"lights.{name}.angular_radius", light.angular_radius, "[0, 1.5]")
-    cos = float(np.cos(light.angular_radius))
-    solid_angle = 2 * np.pi * (1 - cos)
-    # A disc of radiance L gives a plane that faces it L pi sin^2, and carries L times its solid angle.
-    power = np.asarray(light.irradiance, np.float64) * 2 / (1 + cos)
-    return [*(direction / length), *power, cos, solid_angle]
-
-
-def _panorama(light: EnvironmentLight, name: str) -> NDArray[np.float32]:
-    panorama = light.panorama
-    if panorama is None:
-        _check_brightness(f"lights.{name}.radiance", light.radiance)
-        if not any(light.radiance):
-            return np.zeros((0, 1, 3), np.float32)
-        panorama = np.broadcast_to(np.array(light.radiance, np.float32), (8, 16, 3))
-    check_shape(f"lights.{name}.panorama", panorama, (None, None, None))
-    panorama = np.ascontiguousarray(panorama[..., :3], np.float32)
-    _check_brightness(f"lights.{name}.panorama", panorama)
-    return panorama
-
-
-def _check_brightness(key: str, value: ArrayLike) -> None:
-    values = np.asarray(value, np.float64)
-    if not np.all(np.isfinite(values)) or values.min() < 0:
-        raise InputError("be finite and not negative", got=values.min(), key=key)
-
-
-def _distribution(panorama: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return cumulative distributions over rows, and over the columns of each row, by brightness and solid angle."""
-    height = len(panorama)
-    if height == 0:
-        return np.zeros(1), np.zeros((0, 2))
-    # Look-up is bilinear: a texel must not have density 0 if its neighbour shines into it.
-    bright = maximum_filter(panorama.mean(axis=2, dtype=np.float64), size=3, mode=("nearest", "wrap"))
-    edges = np.cos(np.pi * np.arange(height + 1) / height)
-    weights = (bright + 1e-3 * bright.mean() + 1e-30) * (edges[:-1] - edges[1:])[:, None]
-    rows = np.concatenate([[0.0], np.cumsum(weights.sum(axis=1))])
-    cols = np.concatenate([np.zeros((height, 1)), np.cumsum(weights, axis=1)], axis=1)
-    return rows / rows[-1], cols / cols[:, -1:]

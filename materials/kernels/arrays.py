@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from . import albedo as quick
 from . import bsdf, fresnel, microfacet
 
 
@@ -108,9 +109,9 @@ def sample(surface, wo, xi):
 
 @njit(cache=True)
 def albedo(surface, cos_o):
-    """Loop over `bsdf.albedo`."""
+    """Loop over `albedo.albedo`."""
     out = np.empty((cos_o.size, 3))
     for i in range(cos_o.size):
-        a = bsdf.albedo(surface, cos_o[i])
+        a = quick.albedo(surface, cos_o[i])
         out[i, 0], out[i, 1], out[i, 2] = a[0], a[1], a[2]
     return out

@@ -1,53 +1,43 @@
-"""The one door to all surfaces: evaluate, pdf and sample by kind, in the local frame z = n.
+"""The one door to all surfaces: evaluate, pdf and sample by kind (see `kinds`), in the local frame z = n.
 
 `wo` points towards the viewer, `wi` towards the light; `f` has no cosine. Opaque kinds scatter on the side of the
 normal only: who wants a two-sided surface turns the frame. Weights are for radiance.
 """
 
 import math
-from typing import NamedTuple
 
 from numba import njit
 
-from . import coated, ggx
+from . import coated, disney, ggx, lobes, oren_nayar
 from . import dielectric as glass
-from .fresnel import absorbed_ratio, dielectric, normal_reflectance, schlick
+from .frames import dot
+from .fresnel import conductor, dielectric
+from .kinds import (
+    COATED,
+    CONDUCTOR,
+    DIELECTRIC,
+    DISNEY,
+    EMISSION,
+    LAMBERT,
+    METAL_ETA,
+    METAL_K,
+    MIRROR,
+    OREN_NAYAR,
+    ROUGH_DIELECTRIC,
+    SIGMA,
+)
 from .lambert import INV_PI, pdf_cosine, sample_cosine
 from .microfacet import ALPHA_MIN
 from .rough_film import internal_reflectance, reflectance
 
-LAMBERT, GGX, COATED, MIRROR, DIELECTRIC, ROUGH_DIELECTRIC, EMISSION = 0, 1, 2, 3, 4, 5, 6
-
 _BLACK = (0.0, 0.0, 0.0)
-
-
-class Surface(NamedTuple):
-    """All that a scattering event needs; float64 but for `kind`.
-
-    eta is inside over outside for the dielectrics and the specular lobe of `GGX` and of a coated base (over air, not
-    over the film). film_eta in [1, 3], film_alpha (0: smooth) and tau (optical depth of one vertical crossing, per
-    channel) belong to `COATED`.
-    """
-
-    kind: int
-    albedo_r: float
-    albedo_g: float
-    albedo_b: float
-    specular_scale: float
-    eta: float
-    alpha_u: float
-    alpha_v: float
-    film_eta: float
-    film_alpha: float
-    tau_r: float
-    tau_g: float
-    tau_b: float
 
 
 @njit(cache=True)
 def is_specular(surface):
     """Return whether there are only delta lobes, so that sampling lights is pointless."""
-    return surface.kind == MIRROR or surface.kind == DIELECTRIC
+    kind = surface.kind
+    return kind in (MIRROR, DIELECTRIC) or (kind == CONDUCTOR and surface.alpha_u <= 0.0)
 
 
 @njit(cache=True)
@@ -56,11 +46,25 @@ def _widths(surface):
 
 
 @njit(cache=True, error_model="numpy")
-def _ggx_share(surface, cos_o):
-    """Return the probability of the specular lobe of `GGX`; the rest is diffuse."""
-    lobe = surface.specular_scale * schlick(cos_o, normal_reflectance(surface.eta))
-    total = lobe + (surface.albedo_r + surface.albedo_g + surface.albedo_b) / 3.0
-    return lobe / total if total > 0.0 else 0.0
+def _metal_reflectance(surface, cos_i):
+    """Return Fresnel's reflectance of a conductor per channel, times its scale."""
+    more, scale = surface.more, surface.specular_scale
+    return (
+        scale * conductor(cos_i, more[METAL_ETA], more[METAL_K]),
+        scale * conductor(cos_i, more[METAL_ETA + 1], more[METAL_K + 1]),
+        scale * conductor(cos_i, more[METAL_ETA + 2], more[METAL_K + 2]),
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _evaluate_conductor(surface, wo, wi):
+    if surface.alpha_u <= 0.0:
+        return _BLACK
+    alpha_u, alpha_v = _widths(surface)
+    h = ggx.half_vector(wo, wi)
+    lobe = ggx.facets(wo, wi, h, alpha_u, alpha_v)
+    f = _metal_reflectance(surface, dot(wo, h))
+    return (lobe * f[0], lobe * f[1], lobe * f[2])
 
 
 @njit(cache=True, error_model="numpy")
@@ -84,14 +88,18 @@ def evaluate(surface, wo, wi):
         return _BLACK
     if kind == LAMBERT:
         return (surface.albedo_r * INV_PI, surface.albedo_g * INV_PI, surface.albedo_b * INV_PI)
-    if kind == GGX:
-        lobe = 0.0
-        if surface.specular_scale > 0.0:
-            alpha_u, alpha_v = _widths(surface)
-            lobe = surface.specular_scale * ggx.evaluate_schlick(wo, wi, normal_reflectance(surface.eta), alpha_u, alpha_v)
-        return (surface.albedo_r * INV_PI + lobe, surface.albedo_g * INV_PI + lobe, surface.albedo_b * INV_PI + lobe)
     if kind == COATED:
         return _evaluate_coated(surface, wo, wi)
+    if lobes.is_lobed(kind):
+        return lobes.evaluate(surface, wo, wi)
+    if kind == OREN_NAYAR:
+        f = oren_nayar.evaluate(wo, wi, surface.more[SIGMA])
+        return (surface.albedo_r * f, surface.albedo_g * f, surface.albedo_b * f)
+    if kind == CONDUCTOR:
+        return _evaluate_conductor(surface, wo, wi)
+    if kind == DISNEY:
+        alpha_u, alpha_v = _widths(surface)
+        return disney.evaluate(surface.albedo_r, surface.albedo_g, surface.albedo_b, alpha_u, alpha_v, surface.more, wo, wi)
     return _BLACK
 
 
@@ -128,12 +136,18 @@ def pdf(surface, wo, wi):
         return glass.pdf_rough(wo, wi, surface.eta, alpha_u, alpha_v)
     if wo[2] <= 0.0 or wi[2] <= 0.0:
         return 0.0
-    if kind == LAMBERT:
+    if kind in (LAMBERT, OREN_NAYAR):
         return pdf_cosine(wi)
-    if kind == GGX:
-        share = _ggx_share(surface, wo[2])
+    if lobes.is_lobed(kind):
+        return lobes.pdf(surface, wo, wi)
+    if kind == CONDUCTOR:
+        if surface.alpha_u <= 0.0:
+            return 0.0
         alpha_u, alpha_v = _widths(surface)
-        return share * ggx.pdf(wo, wi, alpha_u, alpha_v) + (1.0 - share) * pdf_cosine(wi)
+        return ggx.pdf(wo, wi, alpha_u, alpha_v)
+    if kind == DISNEY:
+        alpha_u, alpha_v = _widths(surface)
+        return disney.pdf(surface.albedo_r, surface.albedo_g, surface.albedo_b, alpha_u, alpha_v, surface.more, wo, wi)
     if kind == COATED:
         top, diffuse = _coated_shares(surface, wo[2])
         density = diffuse * pdf_cosine(wi)
@@ -174,12 +188,18 @@ def sample(surface, wo, u0, u1, u2):
     if kind == LAMBERT:
         wi = sample_cosine(u0, u1)
         return wi, (surface.albedo_r, surface.albedo_g, surface.albedo_b), pdf_cosine(wi), False
-    if kind == GGX:
-        if u2 < _ggx_share(surface, wo[2]):
-            alpha_u, alpha_v = _widths(surface)
-            wi = ggx.sample(wo, alpha_u, alpha_v, u0, u1)
-        else:
-            wi = sample_cosine(u0, u1)
+    if lobes.is_lobed(kind):
+        wi = lobes.sample(surface, wo, u0, u1, u2)
+    elif kind == OREN_NAYAR:
+        wi = sample_cosine(u0, u1)
+    elif kind == CONDUCTOR:
+        if surface.alpha_u <= 0.0:
+            return mirrored, _metal_reflectance(surface, wo[2]), 1.0, True
+        alpha_u, alpha_v = _widths(surface)
+        wi = ggx.sample(wo, alpha_u, alpha_v, u0, u1)
+    elif kind == DISNEY:
+        alpha_u, alpha_v = _widths(surface)
+        wi = disney.sample(surface.albedo_r, surface.albedo_g, surface.albedo_b, alpha_u, alpha_v, surface.more, wo, u0, u1, u2)
     else:
         top, diffuse = _coated_shares(surface, wo[2])
         if u2 < top:
@@ -199,37 +219,3 @@ def sample(surface, wo, u0, u1, u2):
     f = evaluate(surface, wo, wi)
     s = wi[2] / p
     return wi, (f[0] * s, f[1] * s, f[2] * s), p, False
-
-
-@njit(cache=True, error_model="numpy")
-def _coated_albedo(film_eta, albedo, tau, inner, reflected, lobe):
-    """Return the share of one channel that leaves a film, each crossing taken at twice the vertical depth."""
-    out = (1.0 - inner) * math.exp(-2.0 * tau)
-    series = 1.0 - albedo * inner * absorbed_ratio(film_eta, tau)
-    return reflected + (1.0 - reflected) * (albedo * out / series + lobe * math.exp(-2.0 * tau))
-
-
-@njit(cache=True, error_model="numpy")
-def albedo(surface, cos_o):
-    """Return roughly how much of the light towards wo is reflected or passed on, per channel; exact for smooth clear kinds."""
-    kind = surface.kind
-    cos_o = abs(cos_o)
-    if kind in (LAMBERT, MIRROR):
-        return (surface.albedo_r, surface.albedo_g, surface.albedo_b)
-    if kind in (DIELECTRIC, ROUGH_DIELECTRIC):
-        return (1.0, 1.0, 1.0)
-    if kind == GGX:
-        # microfacets seen at grazing are tilted towards the viewer: the rougher, the less Fresnel rises
-        alpha = 0.5 * (surface.alpha_u + surface.alpha_v)
-        lobe = surface.specular_scale * schlick(cos_o + alpha * (1.0 - cos_o) * 0.5, normal_reflectance(surface.eta))
-        return (surface.albedo_r + lobe, surface.albedo_g + lobe, surface.albedo_b + lobe)
-    if kind == COATED:
-        eta = surface.film_eta
-        f, _, lobe = coated.lobe_weights(cos_o, 0.0, surface.specular_scale, surface.eta, eta, surface.film_alpha)
-        inner = internal_reflectance(eta, surface.film_alpha)
-        return (
-            _coated_albedo(eta, surface.albedo_r, surface.tau_r, inner, f, lobe),
-            _coated_albedo(eta, surface.albedo_g, surface.tau_g, inner, f, lobe),
-            _coated_albedo(eta, surface.albedo_b, surface.tau_b, inner, f, lobe),
-        )
-    return _BLACK

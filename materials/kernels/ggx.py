@@ -14,17 +14,23 @@ def half_vector(wo, wi):
 
 
 @njit(cache=True)
+def facets(wo, wi, h, alpha_u, alpha_v):
+    """Return the lobe of perfect mirrors, D G2 / (4 cos_i cos_o); both directions above the surface."""
+    return ggx_d(h, alpha_u, alpha_v) * visibility(wo, wi, alpha_u, alpha_v)
+
+
+@njit(cache=True)
 def evaluate_schlick(wo, wi, f0, alpha_u, alpha_v):
     """Return the lobe with Schlick's Fresnel; both directions above the surface."""
     h = half_vector(wo, wi)
-    return ggx_d(h, alpha_u, alpha_v) * visibility(wo, wi, alpha_u, alpha_v) * schlick(dot(wo, h), f0)
+    return facets(wo, wi, h, alpha_u, alpha_v) * schlick(dot(wo, h), f0)
 
 
 @njit(cache=True)
 def evaluate_exact(wo, wi, eta, alpha_u, alpha_v):
     """Return the lobe with the exact Fresnel reflectance of a dielectric."""
     h = half_vector(wo, wi)
-    return ggx_d(h, alpha_u, alpha_v) * visibility(wo, wi, alpha_u, alpha_v) * dielectric(dot(wo, h), eta)
+    return facets(wo, wi, h, alpha_u, alpha_v) * dielectric(dot(wo, h), eta)
 
 
 @njit(cache=True)

@@ -6,8 +6,21 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from materials import dielectric, ggx, lambert, scattering, water_film
-from materials.kernels.bsdf import ROUGH_DIELECTRIC
+from materials import (
+    conductor,
+    cook_torrance,
+    dielectric,
+    disney,
+    ggx,
+    lambert,
+    oren_nayar,
+    phong,
+    scattering,
+    ward,
+    water_film,
+)
+from materials.gloss import Tail
+from materials.kernels.kinds import ROUGH_DIELECTRIC
 
 NUM_SAMPLES = 100_000
 SIGNIFICANCE = 0.01
@@ -20,6 +33,18 @@ SURFACES = {
     "film on matte": water_film.coated((0.5, 0.3, 0.1), thickness=0.1),
     "film on gloss": water_film.coated((0.05, 0.05, 0.05), specular_scale=1.0, eta=2.0, alpha=0.25),
     "rough film on gloss": water_film.coated((0.05, 0.05, 0.05), film_alpha=0.3, specular_scale=1.0, eta=2.0, alpha=0.4),
+    "oren_nayar": oren_nayar.surface((0.2, 0.5, 0.8), 0.5),
+    "ggx with a tail": ggx.surface((0.02, 0.02, 0.02), 0.15, tail=Tail(1.0, 0.6, 0.4), tint=(1.0, 0.5, 0.2)),
+    "phong": phong.surface((0.1, 0.1, 0.1), 0.25, specular_scale=0.5),
+    "ward brushed": ward.surface((0.1, 0.1, 0.1), 0.4, alpha_v=0.15, specular_scale=0.5, tail=Tail(0.2, 0.6)),
+    "ward of 1992": ward.surface((0.1, 0.1, 0.1), 0.3, specular_scale=0.5, normalisation="original"),
+    "cook_torrance": cook_torrance.surface((0.1, 0.1, 0.1), 0.3, eta=3.0),
+    "cook_torrance brushed": cook_torrance.surface((0.0, 0.0, 0.0), 0.5, alpha_v=0.15, eta=2.0),
+    "brushed gold": conductor.surface(*conductor.METALS["gold"], 0.4, alpha_v=0.2),
+    "disney paint": disney.surface(
+        (0.1, 0.2, 0.4), disney.Principled(roughness=0.6, anisotropic=0.7, clearcoat=1.0, clearcoat_gloss=0.0)
+    ),
+    "disney cloth": disney.surface((0.5, 0.2, 0.4), disney.Principled(subsurface=0.5, sheen=1.0, metallic=0.2)),
     "frosted glass": dielectric.surface(1.5, 0.3),
     "brushed water": dielectric.surface(1.33, 0.5, alpha_v=0.2),
 }
@@ -30,7 +55,7 @@ UNIT_VIEWS = {name: np.array(w) / np.linalg.norm(w) for name, w in VIEWS.items()
 PER_TEST = 1 - (1 - SIGNIFICANCE) ** (1 / len(CASES))  # Sidak
 
 
-def cell_masses(surface, wo, num_cos=24, num_phi=36):
+def cell_masses(surface, wo, num_cos=24, num_phi=36, density_of=scattering.pdf):
     """Integrate the pdf over each cell of the sphere by Gauss-Legendre."""
     # what is refracted is narrower than the facets' normals by (eta - 1) / eta: there 12 nodes miss 1 % of the mass
     order = 40 if surface.kind == ROUGH_DIELECTRIC else 12
@@ -40,7 +65,7 @@ def cell_masses(surface, wo, num_cos=24, num_phi=36):
     phi = 2 * np.pi * ((np.arange(num_phi)[:, None] + x) / num_phi).ravel()
     sin = np.sqrt(1 - cos**2)[:, None]
     wi = np.stack(np.broadcast_arrays(sin * np.cos(phi), sin * np.sin(phi), cos[:, None]), -1)
-    density = scattering.pdf(surface, wo, wi).reshape(num_cos, order, num_phi, order)
+    density = density_of(surface, wo, wi).reshape(num_cos, order, num_phi, order)
     return np.einsum("iajb,a,b->ij", density, w, w) * (2 / num_cos) * (2 * np.pi / num_phi)
 
 
@@ -79,6 +104,22 @@ def test_a_wrong_cosine_is_caught():
         r, phi = xi[:, 0] ** power, 2 * np.pi * xi[:, 1]
         wi = np.stack([r * np.cos(phi), r * np.sin(phi), np.sqrt(1 - r * r)], -1)
         assert (chi_square_p(wi, masses) > PER_TEST) == is_right
+
+
+@pytest.mark.parametrize("name", ["ward brushed", "cook_torrance", "brushed gold"])
+def test_a_forgotten_change_of_variables_is_caught(name):
+    surface, wo = SURFACES[name], UNIT_VIEWS["oblique"]
+
+    def mutilated(surface, wo, wi):
+        # the density of half vectors taken for that of directions: 1 / (4 wo . h) left out, the whole kept at 1
+        h = wo + wi
+        h /= np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
+        return scattering.pdf(surface, wo, wi) * (h @ wo)
+
+    drawn = scattering.sample(surface, wo, np.random.default_rng(7).random((NUM_SAMPLES, 3)))
+    kept = drawn.wi[drawn.pdf > 0]
+    masses = cell_masses(surface, wo, density_of=mutilated)
+    assert chi_square_p(kept, masses * len(kept) / NUM_SAMPLES / masses.sum()) < 1e-6
 
 
 @pytest.mark.parametrize(("name", "view"), CASES)

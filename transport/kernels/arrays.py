@@ -5,10 +5,13 @@ from typing import Any, NamedTuple
 # Columns of WorldArrays.material_values.
 ALBEDO, SPECULAR_SCALE, ETA, ALPHA_U, ALPHA_V, EMISSION = 0, 3, 4, 5, 6, 7
 FILM_COVERAGE, FILM_THICKNESS, FILM_ETA, FILM_ALPHA, FILM_SIGMA_A, FILM_LEVEL = 10, 11, 12, 13, 14, 17
-NUM_VALUES = 18
+TANGENT_COS, TANGENT_SIN = 18, 19
+MORE = 20  # `materials.kernels.kinds.NUM_MORE` of them
+NUM_VALUES = 30
 # Columns of WorldArrays.material_textures; -1 is none.
 ALBEDO_TEXTURE, ALPHA_TEXTURE, NORMAL_TEXTURE, OPACITY_TEXTURE, COVERAGE_TEXTURE, THICKNESS_TEXTURE = 0, 1, 2, 3, 4, 5
-NUM_TEXTURES = 6
+TINT_TEXTURE = 6
+NUM_TEXTURES = 7
 # Columns of LightArrays.suns and .points. SUN_POWER is radiance times solid angle: the irradiance, but for the cosine over
 # the disc.
 SUN_DIRECTION, SUN_POWER, SUN_COS, SUN_SOLID_ANGLE = 0, 3, 6, 7

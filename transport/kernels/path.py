@@ -11,6 +11,7 @@ from numba import njit, prange
 
 from materials.kernels import bsdf
 from materials.kernels.frames import basis, dot, to_local, to_world
+from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V
 
 from .arrays import EMISSION, POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_POWER
 from .lights import environment_pdf, environment_radiance, sample_environment, sample_sun, sun_pdf
@@ -206,7 +207,8 @@ def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bou
             frame = (t, b, hit.ns)
         else:
             normal = film_normal(world, hit) if below_film else hit.ns
-            frame = scattering_frame(world, hit, normal, wo_world, surface.alpha_u != surface.alpha_v)
+            brushed = surface.alpha_u != surface.alpha_v or surface.more[SECOND_ALPHA_U] != surface.more[SECOND_ALPHA_V]
+            frame = scattering_frame(world, hit, normal, wo_world, brushed)
         t, b, n = frame
         wo = to_local(wo_world, t, b, n)
         if not bsdf.is_specular(surface):

@@ -5,8 +5,8 @@ from typing import NamedTuple
 
 from numba import njit
 
-from materials.kernels.bsdf import COATED, DIELECTRIC, EMISSION, GGX, ROUGH_DIELECTRIC, Surface
 from materials.kernels.frames import basis, dot, normalize
+from materials.kernels.kinds import COATED, DIELECTRIC, DISNEY, EMISSION, GGX, PLAIN, ROUGH_DIELECTRIC, Surface
 
 from .arrays import (
     ALBEDO,
@@ -22,10 +22,14 @@ from .arrays import (
     FILM_LEVEL,
     FILM_SIGMA_A,
     FILM_THICKNESS,
+    MORE,
     NORMAL_TEXTURE,
     OPACITY_TEXTURE,
     SPECULAR_SCALE,
+    TANGENT_COS,
+    TANGENT_SIN,
     THICKNESS_TEXTURE,
+    TINT_TEXTURE,
 )
 from .textures import lookup
 
@@ -144,12 +148,15 @@ def _mapped_normal(world, texture, i, j, k, u, v, e1, e2, n):
 
 @njit(cache=True)
 def hit_tangent(world, hit, n):
-    """Return the direction of alpha_u on the surface of a hit."""
+    """Return the direction of alpha_u on the surface of a hit: dp/du, turned by the material's tangent angle."""
     i, j, k = world.faces[hit.face, 0], world.faces[hit.face, 1], world.faces[hit.face, 2]
     a, b, c = _corner(world.vertices, i), _corner(world.vertices, j), _corner(world.vertices, k)
     e1 = (b[0] - a[0], b[1] - a[1], b[2] - a[2])
     e2 = (c[0] - a[0], c[1] - a[1], c[2] - a[2])
-    return tangent(world, i, j, k, e1, e2, n)
+    t = tangent(world, i, j, k, e1, e2, n)
+    c, s = world.material_values[hit.material, TANGENT_COS], world.material_values[hit.material, TANGENT_SIN]
+    b = cross(n, t)
+    return (c * t[0] + s * b[0], c * t[1] + s * b[1], c * t[2] + s * b[2])
 
 
 @njit(cache=True)
@@ -182,27 +189,41 @@ def surface_at(world, hit, below_film):
         g *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 1)
         b *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 2)
     texture = world.material_textures[m, ALPHA_TEXTURE]
-    scale = lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 0) if texture >= 0 else 1.0
-    alpha_u, alpha_v = row[ALPHA_U] * scale, row[ALPHA_V] * scale
+    alpha_u, alpha_v = row[ALPHA_U], row[ALPHA_V]
+    if texture >= 0:
+        alpha_u *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 0)
+        alpha_v *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 1)
     kind = world.material_kind[m]
     if below_film:
         d = _value(world, m, FILM_THICKNESS, THICKNESS_TEXTURE, hit.u, hit.v)
         tau_r, tau_g, tau_b = row[FILM_SIGMA_A] * d, row[FILM_SIGMA_A + 1] * d, row[FILM_SIGMA_A + 2] * d
         specular = row[SPECULAR_SCALE] if kind == GGX else 0.0
         eta = row[ETA]
-        return Surface(COATED, r, g, b, specular, eta, alpha_u, alpha_v, row[FILM_ETA], row[FILM_ALPHA], tau_r, tau_g, tau_b)
+        return Surface(COATED, r, g, b, specular, eta, alpha_u, alpha_v, row[FILM_ETA], row[FILM_ALPHA], tau_r, tau_g, tau_b, PLAIN)
     if kind == COATED:
         # A coat is a film without thickness whose index and roughness are the material's own.
-        return Surface(COATED, r, g, b, 0.0, row[ETA], alpha_u, alpha_v, row[ETA], alpha_u, 0.0, 0.0, 0.0)
-    return Surface(kind, r, g, b, row[SPECULAR_SCALE], row[ETA], alpha_u, alpha_v, 1.33, 0.0, 0.0, 0.0, 0.0)
+        return Surface(COATED, r, g, b, 0.0, row[ETA], alpha_u, alpha_v, row[ETA], alpha_u, 0.0, 0.0, 0.0, PLAIN)
+    q = row[MORE:]
+    tint_r, tint_g, tint_b = q[0], q[1], q[2]
+    texture = world.material_textures[m, TINT_TEXTURE]
+    if texture >= 0:
+        tint_r *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 0)
+        tint_g *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 1)
+        tint_b *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 2)
+    more = (tint_r, tint_g, tint_b, q[3], q[4], q[5], q[6], q[7], q[8], q[9])
+    return Surface(kind, r, g, b, row[SPECULAR_SCALE], row[ETA], alpha_u, alpha_v, 1.33, 0.0, 0.0, 0.0, 0.0, more)
 
 
 @njit(cache=True)
 def without_diffuse(x):
     """Return a surface with its specular lobes alone."""
-    return Surface(
-        x.kind, 0.0, 0.0, 0.0, x.specular_scale, x.eta, x.alpha_u, x.alpha_v, x.film_eta, x.film_alpha, x.tau_r, x.tau_g, x.tau_b
-    )
+    r, g, b, more = 0.0, 0.0, 0.0, x.more
+    if x.kind == DISNEY:
+        # The base colour also tints the lobes of a metal.
+        r, g, b = x.albedo_r, x.albedo_g, x.albedo_b
+        more = (more[0], more[1], more[2], more[3], more[4], more[5], more[6], more[7], more[8], 0.0)
+    scale, film, eta = x.specular_scale, x.film_alpha, x.film_eta
+    return Surface(x.kind, r, g, b, scale, x.eta, x.alpha_u, x.alpha_v, eta, film, x.tau_r, x.tau_g, x.tau_b, more)
 
 
 @njit(cache=True)
