@@ -72,7 +72,7 @@ def save_difference_histogram(path: str | Path, errors: Mapping[str, NDArray], t
 
 def save_class_bars(path: str | Path, shares: Mapping[str, tuple[float, ...]], title: str) -> None:
     """Write the shares of the five classes of the difference flow error as stacked bars, one per name."""
-    figure = Figure(figsize=(8, 1.4 + 0.32 * len(shares)), layout="constrained")
+    figure = Figure(figsize=(8, 1.6 + 0.32 * len(shares)), layout="constrained")
     axes = figure.subplots()
     labels = ("≤ 0.05", "≤ 0.2", "≤ 0.5", "< 1", "≥ 1 px")
     left = np.zeros(len(shares))
@@ -84,7 +84,7 @@ def save_class_bars(path: str | Path, shares: Mapping[str, tuple[float, ...]], t
     axes.invert_yaxis()
     axes.set(xlim=(0, 100), xlabel="share of pixels [%]", title=title)
     axes.tick_params(axis="y", labelsize=8)
-    axes.legend(ncols=5, fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.28 if len(shares) < 6 else -0.14))
+    figure.legend(ncols=5, fontsize=8, loc="outside lower center")
     _save(figure, path)
 
 
