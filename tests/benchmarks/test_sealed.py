@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks.proof_sealed import opened
 from benchmarks.sealed import camera_changes, generate, photograph
 from benchmarks.sealed.changes import CHANGES, UNLISTED, Truth
+from benchmarks.sealed.score import judge, table
 from benchmarks.sealed.worlds import random_world
 
 FOLDER = Path(camera_changes.__file__).parent
@@ -93,3 +95,52 @@ def test_the_generator_shares_no_physics_with_what_it_tests():
             for name in names:
                 assert name.split(".")[0] not in ("transport", "evaluate"), (path.name, name)
                 assert not name.startswith("materials.") or name.startswith("materials.foundation"), (path.name, name)
+
+
+def diagnosis(folder: Path, verdict: str, *effects: dict) -> Path:
+    folder.mkdir()
+    (folder / "diagnosis.json").write_text(json.dumps({"verdict": verdict, "effects": list(effects), "held_out": {}}))
+    np.savez(folder / "affected.npz", affected=np.ones((1, 2, 2), bool))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("wanted", "verdict", "named", "exact", "in_sets"),
+    [
+        ([], "consistent", [], True, True),
+        ([], "explained", [("glare", [])], False, False),
+        (["glare"], "explained", [("glare", ["ambient_light"])], True, True),
+        (["glare"], "explained", [("ambient_light", ["glare"])], False, True),
+        (["glare"], "explained", [("ambient_light", ["glare", "vignetting", "defocus"])], False, False),
+        (["glare"], "explained", [("glare", []), ("defocus", [])], False, False),
+        (["height_fog"], "explained", [("participating_medium", [])], True, True),
+        (["glare", "vignetting"], "partly_explained", [("glare", [])], False, False),
+        (["glare", "vignetting"], "explained", [("vignetting", []), ("glare", [])], True, True),
+        (["unlisted:ghost"], "explained", [("glare", [])], False, False),
+        (["unlisted:ghost"], "partly_explained", [("glare", [])], True, True),
+    ],
+)
+def test_a_diagnosis_is_right_if_it_names_all_and_nothing_else(tmp_path, wanted, verdict, named, exact, in_sets):
+    folder = diagnosis(tmp_path / "out", verdict, *({"id": id, "ambiguous_with": others} for id, others in named))
+    answer = {"effects": [{"id": id} for id in wanted]}
+    v = judge("trial", answer, np.array([[[True, False], [False, False]]]), folder, 1.0)
+    assert (v.exact, v.in_sets) == (exact, in_sets)
+    assert v.overlap == 0.25
+
+
+def test_a_diagnosis_that_failed_is_wrong_and_stays_in_the_table(tmp_path):
+    v = judge("trial", {"effects": []}, np.zeros((1, 1, 1), bool), tmp_path, 1.0, "exit code 2")
+    assert not v.exact and not v.in_sets
+    assert "exit code 2" in table([v])
+
+
+def test_answers_that_were_changed_after_the_sealing_are_refused(tmp_path):
+    envelope, recordings = tmp_path / "envelope", tmp_path / "recordings"
+    recordings.mkdir()
+    commitment, salt = generate.seal({"trial-001": {"effects": [], "affected": np.zeros((1, 1, 1), bool)}}, envelope)
+    (recordings / "commitment.json").write_text(json.dumps({"sha256": commitment}))
+    (envelope / "salt.json").write_text(json.dumps({"salt": salt}))
+    assert opened(recordings, envelope)["trial-001"]["effects"] == []
+    (envelope / "answers.json").write_text((envelope / "answers.json").read_text().replace("[]", '[{"id": "glare"}]'))
+    with pytest.raises(RuntimeError, match="committed"):
+        opened(recordings, envelope)
