@@ -3,6 +3,7 @@ changed. Interrupted at any point, the finished stages remain and nothing is hal
 
 from __future__ import annotations
 
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -173,9 +174,11 @@ def _boards(recording: Recording, stage: StageResult, settings: BuildSettings, o
             if frame.points is not None and frame.masks is not None:
                 points = frame.points.unit * read_points(frame.points.file)[:, :3].astype(np.float64)
                 sweep = transform_points(frame.points.T_world_points, points)
+            start = time.perf_counter()
             boards, note = cardboards(frame, caster, sweep, settings.cardboards)
+            each = (time.perf_counter() - start) / max(len(note), 1)
             frames.append([{"instance": b.instance, "kind": b.kind, "corners_world": b.corners_world.tolist()} for b in boards])
-            notes.append({str(id): value for id, value in note.items()})
+            notes.append({str(id): value | {"seconds": each} for id, value in note.items()})
     else:
         frames, notes = [[] for _ in recording.frames], [{} for _ in recording.frames]
     write_json(out / "cardboards.json", {"frames": frames, "notes": notes})

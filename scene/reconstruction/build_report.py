@@ -31,7 +31,7 @@ def measure(scene: Scene, cloud: Cloud, stages: Stages, board_notes: list[dict[s
     stages : Stages
         As run.
     board_notes : list of dict
-        Per frame and instance, as `cardboard.cardboards` gives them.
+        Per frame and instance, as `cardboard.cardboards` gives them, and the `seconds` that the board took.
     """
     held = np.arange(len(cloud.points_world)) % held_out == 0
     path = path_of(scene.recording)
@@ -54,6 +54,7 @@ def measure(scene: Scene, cloud: Cloud, stages: Stages, board_notes: list[dict[s
     surfaces["ground"]["faces_upwards_share"] = round(float((facing > 0).mean()), 6) if len(facing) else 0.0
     methods = [note["method"] for frame in board_notes for note in frame.values()]
     ratio = [note["depth"] / note["sweep_depth"] for frame in board_notes for note in frame.values() if note.get("sweep_depth")]
+    seconds = [note["seconds"] for frame in board_notes for note in frame.values()]
     return {
         "name": scene.name,
         "frames": len(scene.recording.frames),
@@ -65,6 +66,7 @@ def measure(scene: Scene, cloud: Cloud, stages: Stages, board_notes: list[dict[s
             "count": len(methods),
             "by_method": {method: methods.count(method) for method in sorted(set(methods))},
             "depth_over_sweep_depth_median": round(float(np.median(ratio)), 4) if ratio else None,
+            "milliseconds_each_median": round(1000 * float(np.median(seconds)), 1) if seconds else None,
         },
         "stages": {
             name: {"seconds": round(r.seconds, 1), "peak_MB": r.peak_bytes // 1_000_000, "reused": r.reused}
@@ -96,7 +98,9 @@ def write_report(folder: Path, report: dict[str, Any], previews: list[Path]) -> 
         "",
     ]
     lines += [f"- {name}: {share}" for name, share in report["ground_coverage"].items()]
-    lines += ["", "## Moving objects", "", f"{report['cardboards']['count']} boards: {report['cardboards']['by_method']}.", ""]
+    boards = report["cardboards"]
+    each = f", {boards['milliseconds_each_median']} ms each (median)" if boards["count"] else ""
+    lines += ["", "## Moving objects", "", f"{boards['count']} boards: {boards['by_method']}{each}.", ""]
     lines += ["## Stages", "", "| stage | seconds | peak memory so far [MB] |", "|---|---:|---:|"]
     lines += [
         f"| {name} | {s['seconds']}{' (kept)' if s['reused'] else ''} | {s['peak_MB']} |" for name, s in report["stages"].items()
