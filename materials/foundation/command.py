@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from .early_interrupt import raise_again
 from .errors import InputError
 from .progress import logger, show_progress
 
@@ -44,6 +45,7 @@ def run_command(parser: argparse.ArgumentParser, body: Callable[[argparse.Namesp
     A known failure prints one line `meniscus: FILE: KEY must …, got …. REMEDY` on stderr. What is not known is a
     defect of ours and keeps its traceback. A parser without the common flags is not quiet and shows no tracebacks.
     """
+    raise_again()
     try:
         args = parser.parse_args(argv)
     except SystemExit as stop:  # --help, or flags that argparse refused and explained

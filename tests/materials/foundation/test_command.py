@@ -125,6 +125,52 @@ sys.exit(run_command(argparse.ArgumentParser(), body, []))
     assert list(tmp_path.iterdir()) == []
 
 
+def test_ctrl_c_while_modules_still_load_shows_no_traceback(tmp_path):
+    # An entry point as the console scripts have it, whose import takes long; the script says when it is under way.
+    (tmp_path / "slow.py").write_text("import time\nprint('loading', flush=True)\ntime.sleep(60)\n")
+    code = """
+import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
+import scene.entry
+import slow
+"""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), str(CHECKOUT)])}
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "loading\n"
+    os.kill(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=30)
+    assert process.returncode == -signal.SIGINT  # a shell says 130
+    assert err == ""
+
+
+def test_a_command_hears_ctrl_c_although_its_entry_was_silent():
+    handlers = []
+    before = signal.signal(signal.SIGINT, signal.SIG_DFL)
+    try:
+        run(lambda args: handlers.append(signal.getsignal(signal.SIGINT)))
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert handlers == [signal.default_int_handler]
+
+
+def test_every_console_script_starts_at_an_entry_that_exists():
+    import importlib
+    import tomllib
+
+    scripts = tomllib.loads((CHECKOUT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"]
+    for name, target in scripts.items():
+        module, function = target.split(":")
+        # Importing an entry silences Ctrl-C, which a test session must hear.
+        before = signal.getsignal(signal.SIGINT)
+        try:
+            assert callable(getattr(importlib.import_module(module), function)), name
+        finally:
+            signal.signal(signal.SIGINT, before)
+        assert module.endswith(".entry"), f"{name} should start in its package's entry.py"
+
+
 def test_a_reader_that_has_seen_enough_is_no_error():
     code = """
 import argparse, sys
