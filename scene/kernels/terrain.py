@@ -33,15 +33,19 @@ def rasterise_top(vertices, faces, x_min, y_min, cell, height):
 
 @njit(cache=True, parallel=True)
 def correlate_rows(source, taps, out):
-    """Correlate along each row with an odd number of taps; beyond the border there is nothing (zeros)."""
+    """Correlate along each row with an odd number of taps; beyond the border there is nothing (zeros).
+
+    The taps are the outer loop: sums over neighbours cannot be vectorised, as their order would change; sums side by side can.
+    """
     rows, cols = source.shape
     radius = len(taps) // 2
     for row in prange(rows):
-        for col in range(cols):
-            total = 0.0
-            for t in range(max(-radius, -col), min(radius, cols - 1 - col) + 1):
-                total += taps[t + radius] * source[row, col + t]
-            out[row, col] = total
+        total = np.zeros(cols)
+        for t in range(-radius, radius + 1):
+            tap = taps[t + radius]
+            for col in range(max(-t, 0), min(cols - t, cols)):
+                total[col] += tap * source[row, col + t]
+        out[row] = total
 
 
 @njit(cache=True, parallel=True)

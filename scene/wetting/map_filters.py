@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
@@ -70,6 +71,43 @@ def fit_local_plane(values: Floats, weight: Floats, sigma: float, cell: float) -
     variance = float((g0 * t * t).sum())
     kernel.local_plane(moments, loads, 0.01 * variance + 1e-9, level, slope_x, slope_y)
     return LocalPlane(level + np.float32(mean), slope_x / np.float32(cell), slope_y / np.float32(cell))
+
+
+def wide_slopes(
+    values: Floats, weight: Floats, sigma: float, cell: float, origin: tuple[int, int] = (0, 0)
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the slopes of `fit_local_plane` for a sigma of many cells, fitted on blocks of cells and interpolated between.
+
+    A block is at most an eighth of sigma wide, which blurs the Gaussian by less than 0.1 % of its width and costs sigma^2
+    less time.
+
+    Parameters
+    ----------
+    values, weight, sigma, cell
+        As in `fit_local_plane`.
+    origin : (row, col)
+        Index of the first cell in the world. Blocks lie on multiples of their size there, so that another extent of the map
+        gives the same slopes.
+
+    Returns
+    -------
+    slope_x, slope_y : (rows, cols) float32
+        Rise per metre along x and y; 0 where nothing was measured nearby.
+    """
+    rows, cols = values.shape
+    f = max(int(sigma / (8 * cell)), 1)
+    top, left = origin[0] % f, origin[1] % f
+    pads = ((top, -(top + rows) % f), (left, -(left + cols) % f))
+    w = np.pad(weight, pads).astype(np.float64)
+    v = np.pad(values, pads) * w
+    blocks = [x.reshape(x.shape[0] // f, f, -1, f).sum(axis=(1, 3)) for x in (w, v)]
+    plane = fit_local_plane(blocks[1] / np.maximum(blocks[0], 1e-9), blocks[0] / f**2, sigma, f * cell)
+    slopes = []
+    for slope in (plane.slope_x, plane.slope_y):
+        # Between the centres of the blocks, as OpenCV aligns them; beyond the outermost they are held.
+        fine = cv2.resize(np.nan_to_num(slope), (w.shape[1], w.shape[0]), interpolation=cv2.INTER_LINEAR)
+        slopes.append(np.ascontiguousarray(fine[top : top + rows, left : left + cols]))
+    return slopes[0], slopes[1]
 
 
 def blur(values: Floats, weight: Floats, sigma: float, cell: float) -> NDArray[np.float32]:

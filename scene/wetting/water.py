@@ -43,7 +43,7 @@ from materials.foundation.checks import check_range, check_shape
 from materials.foundation.errors import InputError
 
 from ..grid import GroundGrid
-from .map_filters import fit_local_plane
+from .map_filters import fit_local_plane, wide_slopes
 from .water_settings import MODELS, WaterSettings
 
 Maps = Mapping[str, NDArray[np.float32]]
@@ -192,17 +192,8 @@ def _stays(maps: Maps, grid: GroundGrid, settings: WaterSettings) -> NDArray[np.
 def hillside_slope(maps: Maps, grid: GroundGrid, scale: float) -> NDArray[np.float32]:
     """Return the slope (rise over run) of the ground at a scale of metres, blind to kerbs and gutters.
 
-    Fitted on blocks of cells that lie on multiples of their size in the world, so that another extent of the grid gives the
-    same slopes.
+    Another extent of the grid gives the same slopes (see `map_filters.wide_slopes`).
     """
-    f = max(int(scale / (8 * grid.cell)), 1)
-    top, left = (round(start / grid.cell) % f for start in (grid.y_min, grid.x_min))
-    pads = ((top, -(top + grid.rows) % f), (left, -(left + grid.cols) % f))
-    weight = np.pad(maps["coverage"], pads).astype(np.float64)
-    height = np.pad(maps["height"], pads) * weight
-    blocks = [v.reshape(v.shape[0] // f, f, -1, f).sum(axis=(1, 3)) for v in (weight, height)]
-    plane = fit_local_plane(blocks[1] / np.maximum(blocks[0], 1e-9), blocks[0] / f**2, scale, f * grid.cell)
-    slope = np.nan_to_num(np.hypot(plane.slope_x, plane.slope_y))
-    coarse = GroundGrid(grid.x_min - left * grid.cell, grid.y_min - top * grid.cell, f * grid.cell, *slope.shape)
-    x, y = grid.centres()
-    return coarse.sample(slope, np.column_stack([x.ravel(), y.ravel()])).reshape(grid.shape).astype(np.float32)
+    origin = (round(grid.y_min / grid.cell), round(grid.x_min / grid.cell))
+    slope_x, slope_y = wide_slopes(maps["height"], maps["coverage"], scale, grid.cell, origin)
+    return np.hypot(slope_x, slope_y)
