@@ -79,7 +79,9 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     kept = reuse is not None and reuse.arrays.num_static_faces == num_static and len(reuse.shapes) >= len(static)
     kept = kept and all(old.mesh is new.mesh for old, new in zip(reuse.shapes, static, strict=False))  # type: ignore[union-attr]
     tree = reuse.scenes[0] if kept and reuse is not None else EmbreeScene(vertices, faces[:num_static], 0)
-    moving_tree = EmbreeScene(vertices, faces[num_static:], 1) if moving else None
+    # Embree keeps vertices of its own: those of what moves, thousands of times fewer than all.
+    first = sum(len(s.mesh.vertices) for s in static)
+    moving_tree = EmbreeScene(vertices[first:], faces[num_static:] - np.uint32(first), 1) if moving else None
     scenes = (tree,) if moving_tree is None else (tree, moving_tree)
     names = list(simulation.materials)
     kind_of, values, slots, texels, info = compile_materials(simulation.materials)
