@@ -22,8 +22,9 @@ from scene.wetting.water import water_level
 from scene.wetting.wetting_patterns import puddle_pattern
 
 from .augment_settings import AugmentSettings, check_wetness
+from .kernels.wet import SPLIT
 from .projected_world import ProjectedFrame, project_frame
-from .separate import Separation, separate, water_normals
+from .separate import Separation, refine, separate, water_normals
 from .wet import WetFrame, wet_frame
 
 # The unseen sky is judged on this many frames of a drive, every so many pixels, with so many paths each.
@@ -149,7 +150,8 @@ def _separated(
 def separate_frame(frame: ProjectedFrame, scene: Scene, normals: NDArray[np.float32], settings: AugmentSettings) -> Separation:
     """Take the dry ground of a frame apart, with as many samples as the settings ask for."""
 
-    separation = _separated(frame, scene, normals, settings)
+    first = settings if settings.noise <= 0 else replace(settings, samples=-(-settings.samples // SPLIT) * SPLIT)
+    separation = _separated(frame, scene, normals, first)
     if settings.noise <= 0:
         return separation
     while separation.samples < settings.max_samples:
@@ -158,8 +160,8 @@ def separate_frame(frame: ProjectedFrame, scene: Scene, normals: NDArray[np.floa
             break
         # The error falls with the root of the samples; ask for what that predicts, but at most four times as many.
         factor = min(max((error / settings.noise) ** 2, 1.25), 4.0)
-        samples = min(int(np.ceil(separation.samples * factor)), settings.max_samples)
-        separation = _separated(frame, scene, normals, replace(settings, samples=samples))
+        samples = int(np.ceil(separation.samples * factor / SPLIT)) * SPLIT
+        separation = refine(frame, separation, min(samples, settings.max_samples))
     return separation
 
 

@@ -11,7 +11,7 @@ from scipy.ndimage import binary_dilation
 from materials.from_image import ImageRelief, bump_normals, height_variation, roughness_map
 from materials.wetness import diffuse_attenuation, porosity_attenuation
 from scene.grid import GroundGrid
-from scene.wetting.map_filters import fit_local_plane
+from scene.wetting.map_filters import wide_slopes
 
 from .kernels.wet import SPLIT, WetGround, specular_pass
 from .projected_world import ProjectedFrame
@@ -44,6 +44,8 @@ class Separation:
     variance : (H, W, 3) float32
         Of `specular`.
     samples : int
+    sums : SpecularSums
+        Where the samples went; see `refine`.
     """
 
     ground: WetGround
@@ -54,6 +56,7 @@ class Separation:
     share: NDArray[np.float32]
     variance: NDArray[np.float32]
     samples: int
+    sums: SpecularSums
 
     @property
     def clamped_share(self) -> float:
@@ -73,6 +76,58 @@ class SpecularPass:
     wetness: NDArray[np.float32]
 
 
+class SpecularSums:
+    """Sums over the samples of a pixel, to which more samples can be added.
+
+    Parameters
+    ----------
+    frame : ProjectedFrame
+    ground : WetGround
+        Its water among the rest.
+    diffuse : (H, W, 3) float32
+        The picture without the ground's gloss, for wet ground that is met on the way.
+    wanted : (H, W) bool
+        Pixels to trace.
+    seed : int
+        The numbers drawn do not depend on the water, so passes can be compared pixel by pixel.
+    bounces : int
+        Reflections followed.
+    """
+
+    def __init__(
+        self,
+        frame: ProjectedFrame,
+        ground: WetGround,
+        diffuse: NDArray[np.float32],
+        wanted: NDArray[np.bool_],
+        seed: int,
+        bounces: int,
+    ) -> None:
+        size = wanted.shape
+        view = compile_camera(frame.camera)
+        self._inputs = (frame.world.arrays, frame.picture, diffuse, ground, view, wanted)
+        # The arrays hold bare handles of Embree's trees, which live as long as their world.
+        self._world = frame.world
+        self._draws = (seed & 0xFFFFFFFF, bounces)
+        self._specular, self._square, self._dimming = np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros((*size, 3))
+        self._share, self._wetness = np.zeros(size), np.zeros((*size, 2))
+        self.samples = 0
+
+    def extend(self, samples: int) -> SpecularPass:
+        """Trace until each pixel has `samples` and return the means (eq 6.10): to the bit those of one run of as many.
+
+        Rays of the camera serve `SPLIT` samples each, so a number that is no multiple of it cannot be extended further.
+        """
+        assert samples > self.samples and self.samples % SPLIT == 0
+        sums = (self._specular, self._square, self._dimming, self._share, self._wetness)
+        specular_pass(*self._inputs, self.samples, samples - self.samples, *self._draws, *sums)
+        self.samples = samples
+        mean = self._specular / samples
+        variance = variance_of_mean(mean, self._square / samples, -(-samples // SPLIT))
+        parts = (mean, variance, *(part / samples for part in sums[2:]))
+        return SpecularPass(*(part.astype(np.float32) for part in parts))
+
+
 def trace_specular(
     frame: ProjectedFrame,
     ground: WetGround,
@@ -82,27 +137,8 @@ def trace_specular(
     seed: int,
     bounces: int,
 ) -> SpecularPass:
-    """Path trace the specular light of the ground (eq 6.10) under given water.
-
-    Parameters
-    ----------
-    diffuse : (H, W, 3) float32
-        The picture without the ground's gloss, for wet ground that is met on the way.
-    wanted : (H, W) bool
-        Pixels to trace.
-    samples : int
-        Per pixel; the numbers drawn do not depend on the water, so passes can be compared pixel by pixel.
-    """
-    size = wanted.shape
-    specular, square, dimming = np.zeros((*size, 3)), np.zeros((*size, 3)), np.zeros((*size, 3))
-    share, wetness = np.zeros(size), np.zeros((*size, 2))
-    view = compile_camera(frame.camera)
-    args = (frame.world.arrays, frame.picture, diffuse, ground, view, wanted, 0, samples, seed & 0xFFFFFFFF, bounces)
-    specular_pass(*args, specular, square, dimming, share, wetness)
-    mean = specular / samples
-    variance = variance_of_mean(mean, square / samples, -(-samples // SPLIT))
-    parts = (mean, variance, dimming / samples, share / samples, wetness / samples)
-    return SpecularPass(*(part.astype(np.float32) for part in parts))
+    """Path trace the specular light of the ground (eq 6.10) under given water, `samples` per pixel (see `SpecularSums`)."""
+    return SpecularSums(frame, ground, diffuse, wanted, seed, bounces).extend(samples)
 
 
 def separate(
@@ -163,13 +199,33 @@ def separate(
     # By default one pixel around: its square may reach the ground though its centre does not.
     near: NDArray[np.bool_] = np.asarray(binary_dilation(mask, np.ones((3, 3), bool)), np.bool_) & (frame.instance == 0)
     traced = near if wanted is None else wanted
-    dry = trace_specular(frame, ground, frame.image, traced, samples, seed, bounces)
+    sums = SpecularSums(frame, ground, frame.image, traced, seed, bounces)
+    return _separation(frame, ground, traced, sums, samples)
+
+
+def refine(frame: ProjectedFrame, separation: Separation, samples: int) -> Separation:
+    """Return a separation with more samples, for the cost of those that are added.
+
+    Parameters
+    ----------
+    frame : ProjectedFrame
+        That of the separation.
+    samples : int
+        In all, more than it has. A separation is refined once; its sums go on in the new one.
+    """
+    return _separation(frame, separation.ground, separation.wanted, separation.sums, samples)
+
+
+def _separation(
+    frame: ProjectedFrame, ground: WetGround, traced: NDArray[np.bool_], sums: SpecularSums, samples: int
+) -> Separation:
+    dry = sums.extend(samples)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where(dry.specular > frame.image, frame.image / dry.specular, 1.0)
     # An image with negative values (EXR keeps them) has nothing to give away there.
     scale = np.clip(np.nan_to_num(scale, nan=1.0), 0, 1).astype(np.float32)
     diffuse = (frame.image - scale * dry.specular).astype(np.float32)
-    return Separation(ground, traced, dry.specular, scale, diffuse, dry.share, dry.variance, samples)
+    return Separation(ground, traced, dry.specular, scale, diffuse, dry.share, dry.variance, samples, sums)
 
 
 def water_normals(height: NDArray[np.float32], coverage: NDArray[np.float32], cell: float) -> NDArray[np.float32]:
@@ -192,10 +248,9 @@ def water_normals(height: NDArray[np.float32], coverage: NDArray[np.float32], ce
     normals : (rows, cols, 3) float32
         Unit vectors.
     """
-    plane = fit_local_plane(height, coverage, _PLANE_SCALE, cell)
-    normal = np.stack([-plane.slope_x, -plane.slope_y, np.ones_like(plane.level)], axis=-1)
-    normal = np.where(np.isfinite(plane.level)[..., None], np.nan_to_num(normal), (0.0, 0.0, 1.0))
-    return (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32)
+    slope_x, slope_y = wide_slopes(height, coverage, _PLANE_SCALE, cell)
+    normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
+    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
 
 def _attenuation(

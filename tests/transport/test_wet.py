@@ -13,7 +13,7 @@ from materials.from_image import ImageRelief
 from scene.images import Encoding
 from scene.scene_file import Cardboard, Scene
 from transport.projected_world import ProjectedFrame, project_frame
-from transport.separate import Separation, separate, water_normals
+from transport.separate import Separation, refine, separate, water_normals
 from transport.wet import wet_frame
 
 from .plain_street import GRID, PNG, WALL_Y, camera, plain_street
@@ -58,6 +58,16 @@ def test_a_second_seed_leaves_only_the_predicted_noise_of_the_specular_light(tmp
     # mean over the pixels (three channels are as good as one) are allowed above.
     z2 = difference**2 / np.maximum(sigma2, 1e-12)
     assert z2.mean() <= 1 + 10 * np.sqrt(2 / ground.sum())
+
+
+def test_samples_added_later_give_the_bits_of_one_long_run(tmp_path):
+    scene = plain_street(tmp_path)
+    _, whole = taken_apart(scene, samples=14, relief=ImageRelief())
+    frame, grown = taken_apart(scene, samples=4, relief=ImageRelief())
+    grown = refine(frame, refine(frame, grown, 6), 14)
+    assert grown.samples == whole.samples
+    for part in ("specular", "scale", "diffuse", "share", "variance"):
+        assert np.array_equal(getattr(grown, part), getattr(whole, part)), part
 
 
 def test_noise_is_not_understated_where_only_some_rays_of_a_pixel_find_the_ground(tmp_path):

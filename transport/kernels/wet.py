@@ -162,12 +162,12 @@ def reflected_radiance(world, picture, diffuse, ground, buffer, s, stream, index
 def specular_pass(
     world, picture, diffuse, ground, camera, wanted, first, count, seed, bounces, specular, square, dimming, share, wetness
 ):
-    """Add samples `first` to `first + count` of every wanted pixel to the sums.
+    """Add samples `first` to `first + count` of every wanted pixel to the sums; `first` is a multiple of `SPLIT`.
 
     specular : (H, W, 3) float64, the ground's specular radiance
     square : (H, W, 3) float64, its mean over each camera ray, squared, times the samples of that ray; samples that share a
         ray are not independent, so their own squares would understate the noise where the ray finds the ground by chance
-    dimming : (H, W, 3) float64, change of the factor on diffuse light (0 dry)
+    dimming : (H, W, 3) float64, change of the factor on diffuse light (0 dry), set from the whole saturation
     share : (H, W) float64, samples that saw the ground
     wetness : (H, W, 2) float64, saturation and accumulation
     """
@@ -182,7 +182,10 @@ def specular_pass(
                 if not wanted[row, col]:
                     continue
                 stream = hash2(np.uint32(row * width + col), np.uint32(seed))
-                r = g = b = rr = gg = bb = saturation = accumulation = 0.0
+                # Sums go on from where they stand, so that samples added later give the bits of one long run.
+                r, g, b = specular[row, col, 0], specular[row, col, 1], specular[row, col, 2]
+                rr, gg, bb = square[row, col, 0], square[row, col, 1], square[row, col, 2]
+                saturation, accumulation = wetness[row, col, 0], wetness[row, col, 1]
                 seen = 0
                 for k in range(first // SPLIT, (first + count + SPLIT - 1) // SPLIT):
                     jx, jy = draw2(stream, k, 0)
@@ -211,12 +214,11 @@ def specular_pass(
                     share_of_ray = 1.0 / (stop - start)
                     rr, gg, bb = rr + er * er * share_of_ray, gg + eg * eg * share_of_ray, bb + eb * eb * share_of_ray
                 share[row, col] += seen
-                wetness[row, col, 0] += saturation
-                wetness[row, col, 1] += accumulation
+                wetness[row, col, 0], wetness[row, col, 1] = saturation, accumulation
                 for c in range(3):
-                    dimming[row, col, c] += (ground.attenuation[row, col, c] - 1.0) * saturation
-                    specular[row, col, c] += r if c == 0 else (g if c == 1 else b)
-                    square[row, col, c] += rr if c == 0 else (gg if c == 1 else bb)
+                    dimming[row, col, c] = (ground.attenuation[row, col, c] - 1.0) * saturation
+                    specular[row, col, c] = r if c == 0 else (g if c == 1 else b)
+                    square[row, col, c] = rr if c == 0 else (gg if c == 1 else bb)
 
 
 @njit(cache=True, parallel=True)
