@@ -67,7 +67,9 @@ class Material:
     all models (a Phong exponent is 2 / alpha**2 - 2). Where `alpha_u` or `alpha_v` is given it replaces `alpha` along or
     across; along is dp/du of the mesh, turned by `tangent_angle` [rad] about the normal. `alpha_texture` replaces `alpha`, or
     with two or more channels both widths, and scales `alpha_u` and `alpha_v` where they are given. `tint` colours the lobes of
-    `ggx`, `cook_torrance`, `ward` and `phong`; `tail` adds a second lobe to them. A `film` may lie on `lambert`, `ggx` and
+    `ggx`, `cook_torrance`, `ward` and `phong`; `tail` adds a second lobe to them. `emission` is times `emission_texture`.
+    `normal_texture` holds tangent-space normals as 2 c - 1, `bump_texture` heights, times `bump_scale` [m]. A `one_sided`
+    surface is black from behind: it neither reflects nor emits there. A `film` may lie on `lambert`, `ggx` and
     `coated`. `free` names the parameters that were not known exactly: a diagnosis fits them first.
     """
 
@@ -101,6 +103,10 @@ class Material:
     alpha_v: float | None = None
     free: tuple[str, ...] = ()
     tangent_angle: float = 0.0
+    emission_texture: Texture | None = None
+    bump_texture: Texture | None = None
+    bump_scale: float = 1.0
+    one_sided: bool = False
     sigma: float = 0.3
     tint: RGB = (1.0, 1.0, 1.0)
     tint_texture: Texture | None = None
@@ -145,6 +151,28 @@ class PointLight:
 
 
 @dataclass(frozen=True)
+class SphereLight:
+    """A glowing ball that sends `intensity` [W/sr] in all directions: radiance is intensity / (pi radius²). It is seen."""
+
+    position: RGB
+    radius: float
+    intensity: RGB
+
+
+@dataclass(frozen=True)
+class RectangleLight:
+    """A glowing parallelogram of even `radiance` [W/(m² sr)] on the side of edge_u x edge_v; black from behind.
+
+    Other glowing shapes are meshes with the material `emission`.
+    """
+
+    corner: RGB
+    edge_u: RGB
+    edge_v: RGB
+    radiance: RGB
+
+
+@dataclass(frozen=True)
 class EnvironmentLight:
     """Radiance from infinity: a constant, or a panorama (H, W, 3) laid out as `scene_file.Sky`."""
 
@@ -152,7 +180,7 @@ class EnvironmentLight:
     panorama: NDArray[np.float32] | None = None
 
 
-Light = DirectionalLight | PointLight | EnvironmentLight
+Light = DirectionalLight | PointLight | SphereLight | RectangleLight | EnvironmentLight
 
 
 @dataclass(frozen=True)

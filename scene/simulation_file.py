@@ -26,9 +26,11 @@ from .simulation import (
     Material,
     Medium,
     PointLight,
+    RectangleLight,
     Sensor,
     Shape,
     Simulation,
+    SphereLight,
     Texture,
     Transport,
 )
@@ -37,12 +39,15 @@ from .simulation_json import (
     EffectJson,
     EnvironmentJson,
     LensJson,
+    LightJson,
     MaterialJson,
     MediumJson,
     PointJson,
+    RectangleJson,
     SensorJson,
     ShapeJson,
     SimulationJson,
+    SphereJson,
     TransportJson,
 )
 from .typed_json import read_typed_json
@@ -211,7 +216,7 @@ def _texture(name: str | None, key: str, root: Path, textures: dict[Path, Textur
     return textures[file]
 
 
-def _light(light: PointJson | DirectionalJson | EnvironmentJson, key: str) -> Light:
+def _light(light: LightJson, key: str) -> Light:
     if isinstance(light, PointJson):
         check_finite(f"{key}.position", light.position)
         check_range(f"{key}.intensity", light.intensity, "[0, inf)")
@@ -219,6 +224,16 @@ def _light(light: PointJson | DirectionalJson | EnvironmentJson, key: str) -> Li
     if isinstance(light, EnvironmentJson):
         check_range(f"{key}.radiance", light.radiance, "[0, inf)")
         return EnvironmentLight(light.radiance)
+    if isinstance(light, SphereJson):
+        check_finite(f"{key}.position", light.position)
+        check_range(f"{key}.radius", light.radius, "(0, inf)")
+        check_range(f"{key}.intensity", light.intensity, "[0, inf)")
+        return SphereLight(light.position, light.radius, light.intensity)
+    if isinstance(light, RectangleJson):
+        for name in ("corner", "edge_u", "edge_v"):
+            check_finite(f"{key}.{name}", getattr(light, name))
+        check_range(f"{key}.radiance", light.radiance, "[0, inf)")
+        return RectangleLight(light.corner, light.edge_u, light.edge_v, light.radiance)
     check_range(f"{key}.irradiance", light.irradiance, "[0, inf)")
     length = math.sqrt(sum(x * x for x in light.direction))
     if not 0 < length < math.inf:
@@ -302,13 +317,17 @@ def _texture_json(texture: Texture | None, name: str, root: Path, textures: dict
     return textures[id(texture)]
 
 
-def _light_json(light: Light, name: str) -> PointJson | DirectionalJson | EnvironmentJson:
+def _light_json(light: Light, name: str) -> LightJson:
     if isinstance(light, PointLight):
         return PointJson(_three(light.position), _three(light.intensity))
     if isinstance(light, EnvironmentLight):
         if light.panorama is not None:
             raise InputError("be a constant radiance", got="a panorama", key=f"lights.{name}")
         return EnvironmentJson(_three(light.radiance))
+    if isinstance(light, SphereLight):
+        return SphereJson(_three(light.position), float(light.radius), _three(light.intensity))
+    if isinstance(light, RectangleLight):
+        return RectangleJson(_three(light.corner), _three(light.edge_u), _three(light.edge_v), _three(light.radiance))
     if light.angular_radius > 0:
         raise InputError("be 0", got=light.angular_radius, key=f"lights.{name}.angular_radius")
     return DirectionalJson(_three(light.direction), _three(light.irradiance))

@@ -44,6 +44,22 @@ class EnvironmentJson(msgspec.Struct, forbid_unknown_fields=True, tag="environme
     radiance: Three
 
 
+class SphereJson(msgspec.Struct, forbid_unknown_fields=True, tag="sphere"):
+    position: Three
+    radius: float
+    intensity: Three
+
+
+class RectangleJson(msgspec.Struct, forbid_unknown_fields=True, tag="rectangle"):
+    corner: Three
+    edge_u: Three
+    edge_v: Three
+    radiance: Three
+
+
+LightJson = PointJson | DirectionalJson | SphereJson | RectangleJson | EnvironmentJson
+
+
 class TransportJson(msgspec.Struct, forbid_unknown_fields=True):
     max_bounces: int = 8
     shadows: bool = True
@@ -82,7 +98,7 @@ class SimulationJson(msgspec.Struct, forbid_unknown_fields=True):
     format: Literal["simulation/1"]
     shapes: list[ShapeJson]
     materials: dict[str, MaterialJson]
-    lights: dict[str, PointJson | DirectionalJson | EnvironmentJson] = {}
+    lights: dict[str, LightJson] = {}
     transport: TransportJson = msgspec.field(default_factory=TransportJson)
     medium: MediumJson | None = None
     lens: LensJson = msgspec.field(default_factory=lambda: LensJson("pinhole"))

@@ -35,6 +35,8 @@ _TEXTURES = {
     a.NORMAL_TEXTURE: "normal_texture",
     a.OPACITY_TEXTURE: "opacity_texture",
     a.TINT_TEXTURE: "tint_texture",
+    a.EMISSION_TEXTURE: "emission_texture",
+    a.BUMP_TEXTURE: "bump_texture",
 }
 _RANGES = {
     "albedo": "[0, 1]",
@@ -44,6 +46,7 @@ _RANGES = {
     "specular_scale": "[0, inf)",
     "emission": "[0, inf)",
     "tangent_angle": "(-inf, inf)",
+    "bump_scale": "(-inf, inf)",
 }
 # Beyond these the series of bounces inside a film and the tables of its rough surface have no meaning.
 _FILM_RANGES = {"coverage": "[0, 1]", "thickness": "[0, inf)", "eta": "[1, 3]", "alpha": "[0, 1]", "sigma_a": "[0, inf)"}
@@ -79,6 +82,8 @@ def compile_materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray,
         values[i, a.ALPHA_U], values[i, a.ALPHA_V] = alpha_u, alpha_v
         values[i, a.TANGENT_COS], values[i, a.TANGENT_SIN] = np.cos(m.tangent_angle), np.sin(m.tangent_angle)
         values[i, a.EMISSION : a.EMISSION + 3] = m.emission
+        values[i, a.ONE_SIDED], values[i, a.BUMP_SCALE] = m.one_sided, m.bump_scale
+        values[i, a.EMISSION_MEAN] = _mean_emission(m, f"materials.{name}.emission_texture")
         values[i, a.MORE : a.MORE + kinds.NUM_MORE] = more
         for slot, key in _TEXTURES.items():
             slots[i, slot] = store.add(getattr(m, key), f"materials.{name}.{key}")
@@ -93,6 +98,16 @@ def compile_materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray,
         if not np.all(np.isfinite(values[i])):
             raise InputError("be finite", got="NaN or infinity", key=f"materials.{name}")
     return kind_of, values, slots, *store.arrays()
+
+
+def _mean_emission(m: Material, key: str) -> float:
+    emission = np.asarray(m.emission, np.float64)
+    if m.emission_texture is None:
+        return float(emission.mean())
+    check_range(key, m.emission_texture, "[0, inf)")
+    texture = np.asarray(m.emission_texture, np.float64)
+    means = np.full(3, texture.mean()) if texture.ndim == 2 else texture.mean(axis=(0, 1))[:3]
+    return float((emission * means).mean())
 
 
 def _reflectance(m: Material) -> tuple[float, float, tuple[float, ...]]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from materials.foundation.errors import InputError
 from scene.camera import Camera
 from scene.mesh import Mesh, write_ply
-from scene.simulation import DirectionalLight, Film, Light, Material, PointLight, Simulation
+from scene.simulation import DirectionalLight, Film, Light, Material, PointLight, RectangleLight, Simulation, SphereLight
 
 from .mitsuba_surfaces import FILM, GLOSS, register
 from .world import compile_lights
@@ -123,6 +123,13 @@ def _light(mitsuba: ModuleType, light: Light) -> dict[str, Any] | None:
         to_world = t().look_at(origin=at, target=[0.0, 0.0, 0.0], up=up) @ t().scale([size, size, 1.0])
         black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
         return {"type": "disk", "to_world": to_world, "surface": black, "emitter": {"type": "area", "radiance": radiance}}
+    if isinstance(light, SphereLight):
+        radiance = {"type": "rgb", "value": (np.array(light.intensity) / (np.pi * light.radius**2)).tolist()}
+        black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
+        area = {"type": "area", "radiance": radiance}
+        return {"type": "sphere", "center": list(light.position), "radius": light.radius, "surface": black, "emitter": area}
+    if isinstance(light, RectangleLight):
+        raise InputError("be a glowing mesh to be exported", got="a rectangle", key="lights")
     panorama = compile_lights({"sky": light}).panorama
     if len(panorama) == 0:
         return None

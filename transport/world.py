@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from materials.foundation.errors import InputError
 from scene.camera import Camera
 from scene.mesh import Mesh
-from scene.simulation import Light, Shape, Simulation
+from scene.simulation import Light, Material, RectangleLight, Shape, Simulation
 
 from .embree import EmbreeScene
 from .kernels import arrays as a
-from .light_table import compile_lights
+from .light_table import compile_lights, sphere_table
 from .material_table import compile_materials
 
 __all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights"]
@@ -58,6 +58,7 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     InputError
         If a shape names an unknown material, has no triangles, or a value is not finite.
     """
+    simulation = _with_rectangles(simulation)
     static = [s for s in simulation.shapes if s.instance == 0]
     moving = [s for s in simulation.shapes if s.instance != 0]
     if not static:
@@ -101,13 +102,46 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
         material_textures=slots,
         texels=texels,
         texture_info=info,
+        spheres=np.zeros((0, 4)),
     )
-    return World(arrays, compile_lights(simulation.lights), shapes, scenes)
+    lights = compile_lights(simulation.lights, arrays)
+    return World(arrays._replace(spheres=sphere_table(lights)), lights, shapes, scenes)
 
 
 def with_lights(world: World, lights: dict[str, Light]) -> World:
-    """Return the same geometry under other lights."""
-    return replace(world, lights=compile_lights(lights))
+    """Return the same geometry under other lights; what glows in the geometry, rectangles among it, goes on glowing.
+
+    Raises
+    ------
+    InputError
+        If there is a rectangle among the lights, which would be new geometry; else as `compile_lights`.
+    """
+    for name, light in lights.items():
+        if isinstance(light, RectangleLight):
+            raise InputError("be in the simulation when it is compiled", got="a rectangle", key=f"lights.{name}")
+    compiled = compile_lights(lights, world.arrays)
+    return replace(world, arrays=world.arrays._replace(spheres=sphere_table(compiled)), lights=compiled)
+
+
+def _with_rectangles(simulation: Simulation) -> Simulation:
+    """Return the simulation with a glowing shape in the place of each rectangle of light."""
+    shapes, materials, lights = list(simulation.shapes), dict(simulation.materials), {}
+    for name, light in simulation.lights.items():
+        if not isinstance(light, RectangleLight):
+            lights[name] = light
+            continue
+        u, v = np.asarray(light.edge_u, np.float64), np.asarray(light.edge_v, np.float64)
+        n = np.cross(u, v)
+        if not np.linalg.norm(n) > 0:
+            raise InputError("span an area with edge_v", got=light.edge_u, key=f"lights.{name}.edge_u")
+        if name in materials:
+            raise InputError("differ from the names of materials", got=name, key=f"lights.{name}")
+        vertices = np.asarray(light.corner, np.float64) + np.stack([0 * u, u, u + v, v])
+        normals = np.tile(n / np.linalg.norm(n), (4, 1)).astype(np.float32)
+        mesh = Mesh(vertices.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]], np.uint32), normals)
+        materials[name] = Material("emission", emission=light.radiance, one_sided=True)
+        shapes.append(Shape(name, mesh, name))
+    return replace(simulation, shapes=tuple(shapes), materials=materials, lights=lights)
 
 
 def compile_camera(camera: Camera) -> a.CameraArrays:

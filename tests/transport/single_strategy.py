@@ -1,4 +1,4 @@
-"""Twins of the path tracer that use one strategy only, for direct light of the sky on what the camera sees."""
+"""Twins of the path tracer that use one strategy only, for direct light on what the camera sees."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from numba import njit
 
 from materials.kernels import bsdf
 from materials.kernels.frames import basis, to_local, to_world
-from transport.kernels.lights import environment_radiance, sample_environment
-from transport.kernels.path import camera_ray, first_hit
+from transport.kernels.lights import environment_radiance, num_lights, sample_light
+from transport.kernels.path import camera_ray, first_hit, is_visible
 from transport.kernels.rays import ray_buffer
-from transport.kernels.shading import hit_at, surface_at
+from transport.kernels.shading import hit_at, leave, surface_at
 
 # Plain random numbers on purpose: the twins share neither the sampler nor the weights of the tracer.
 _BY_LIGHTS, _BY_SURFACE, _WITHOUT_COSINE = 0, 1, 2
@@ -32,14 +32,16 @@ def _estimate(world, lights, camera, xi, total, strategy):
                 wo = to_local((-d[0], -d[1], -d[2]), t, b, hit.ns)
                 u0, u1, u2 = x[2], x[3], x[4]
                 if strategy == _BY_LIGHTS:
-                    dx, dy, dz, density = sample_environment(lights.panorama, lights.row_cdf, lights.col_cdf, u0, u1)
-                    wi = to_local((dx, dy, dz), t, b, hit.ns)
-                    weight = (0.0, 0.0, 0.0)
-                    if wi[2] > 0.0:
+                    for i in range(num_lights(lights)):
+                        to_light, far, e, _ = sample_light(lights, i, hit.p, u0, u1)
+                        wi = to_local(to_light, t, b, hit.ns)
+                        if wi[2] <= 0.0 or not is_visible(world, buffer, s, leave(hit.p, hit.ng, to_light), to_light, far):
+                            continue
                         f = bsdf.evaluate(surface, wo, wi)
-                        k = wi[2] / density
-                        weight = (f[0] * k, f[1] * k, f[2] * k)
-                elif strategy == _BY_SURFACE:
+                        for c in range(3):
+                            total[row, col, c] += f[c] * wi[2] * e[c]
+                    continue
+                if strategy == _BY_SURFACE:
                     wi, weight, _, _ = bsdf.sample(surface, wo, u0, u1, u2)
                 else:
                     # Even over the hemisphere, with the weight of a cosine-weighted direction: the cosine is lost.
@@ -60,7 +62,7 @@ def _numbers(camera, samples, seed):
 
 
 def by_lights(world, lights, camera, samples, total):
-    """Add estimates that draw directions by the sky's brightness."""
+    """Add estimates that draw points on the lights, one of each."""
     _estimate(world, lights, camera, _numbers(camera, samples, _BY_LIGHTS), total, _BY_LIGHTS)
 
 

@@ -1,4 +1,4 @@
-"""Light from far away: a panorama sampled by its brightness, discs in the sky, and their densities.
+"""Light from anywhere, one light at a time: a panorama sampled by its brightness, discs in the sky, points, lamps.
 
 Panoramas run from the zenith (first row) to the nadir, columns from azimuth -pi to pi (azimuth = atan2(y, x)).
 """
@@ -9,7 +9,8 @@ from numba import njit
 
 from materials.kernels.frames import basis
 
-from .arrays import SUN_COS, SUN_DIRECTION, SUN_POWER, SUN_SOLID_ANGLE
+from .arrays import POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_DIRECTION, SUN_POWER, SUN_SOLID_ANGLE
+from .emitters import FAR, find, sample_emitter
 
 
 @njit(cache=True)
@@ -64,27 +65,14 @@ def environment_pdf(panorama, row_cdf, col_cdf, dx, dy, dz):
 
 
 @njit(cache=True)
-def _find(cdf, u):
-    """Return the index of the interval of a cumulative distribution that holds u."""
-    low, high = 0, len(cdf) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if cdf[middle] <= u:
-            low = middle
-        else:
-            high = middle
-    return low
-
-
-@njit(cache=True)
 def sample_environment(panorama, row_cdf, col_cdf, u0, u1):
     """Return (direction, pdf): texels by brightness, uniform over the solid angle within one."""
     height, width = panorama.shape[0], panorama.shape[1]
-    row = _find(row_cdf, u0)
+    row = find(row_cdf, u0)
     span = row_cdf[row + 1] - row_cdf[row]
     a = (u0 - row_cdf[row]) / span if span > 0.0 else 0.5
     columns = col_cdf[row]
-    col = _find(columns, u1)
+    col = find(columns, u1)
     span = columns[col + 1] - columns[col]
     b = (u1 - columns[col]) / span if span > 0.0 else 0.5
     # Uniform in cos(theta) between the texel's edges is uniform over its solid angle.
@@ -120,3 +108,38 @@ def sun_pdf(suns, i, dx, dy, dz):
         return 0.0
     c = dx * suns[i, SUN_DIRECTION] + dy * suns[i, SUN_DIRECTION + 1] + dz * suns[i, SUN_DIRECTION + 2]
     return 1.0 / suns[i, SUN_SOLID_ANGLE] if c >= suns[i, SUN_COS] else 0.0
+
+
+@njit(cache=True)
+def num_lights(lights):
+    """Return how many lights `sample_light` knows: the environment, the suns, the points, and all lamps as one."""
+    others = lights.suns.shape[0] + lights.points.shape[0] + (1 if lights.emitter_total > 0.0 else 0)
+    return (1 if lights.panorama.shape[0] > 0 else 0) + others
+
+
+@njit(cache=True, error_model="numpy")
+def sample_light(lights, i, p, u0, u1):
+    """Return (direction, distance, radiance over pdf, pdf) of light i as seen from p; the pdf of delta lights is infinite."""
+    if lights.panorama.shape[0] > 0:
+        if i == 0:
+            x, y, z, density = sample_environment(lights.panorama, lights.row_cdf, lights.col_cdf, u0, u1)
+            if density <= 0.0:
+                return (x, y, z), FAR, (0.0, 0.0, 0.0), 0.0
+            e = environment_radiance(lights.panorama, x, y, z)
+            return (x, y, z), FAR, (e[0] / density, e[1] / density, e[2] / density), density
+        i -= 1
+    if i < lights.suns.shape[0]:
+        x, y, z, r, g, b = sample_sun(lights.suns, i, u0, u1)
+        density = 1.0 / lights.suns[i, SUN_SOLID_ANGLE] if lights.suns[i, SUN_COS] < 1.0 else math.inf
+        return (x, y, z), FAR, (r, g, b), density
+    i -= lights.suns.shape[0]
+    if i >= lights.points.shape[0]:
+        return sample_emitter(lights, p, u0, u1)
+    row = lights.points[i]
+    x, y, z = row[POINT_POSITION] - p[0], row[POINT_POSITION + 1] - p[1], row[POINT_POSITION + 2] - p[2]
+    r2 = x * x + y * y + z * z
+    if r2 <= 0.0:
+        return (0.0, 0.0, 1.0), 0.0, (0.0, 0.0, 0.0), math.inf
+    r = math.sqrt(r2)
+    e = (row[POINT_INTENSITY] / r2, row[POINT_INTENSITY + 1] / r2, row[POINT_INTENSITY + 2] / r2)
+    return (x / r, y / r, z / r), r * (1.0 - 1e-5), e, math.inf

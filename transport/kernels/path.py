@@ -13,8 +13,9 @@ from materials.kernels import bsdf
 from materials.kernels.frames import basis, dot, to_local, to_world
 from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V
 
-from .arrays import EMISSION, POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_POWER
-from .lights import environment_pdf, environment_radiance, sample_environment, sample_sun, sun_pdf
+from .arrays import ONE_SIDED, SUN_POWER
+from .emitters import FAR, emitted, nearest_sphere, sphere_seen, spheres_block, surface_density
+from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
 from .rays import intersect, occluded, ray_buffer
 from .sampler import draw1, draw2, hash2
 from .shading import (
@@ -23,44 +24,52 @@ from .shading import (
     emits,
     film_coverage,
     film_normal,
+    has_relief,
     hit_at,
     hit_tangent,
     is_cut_out,
     is_two_faced,
     leave,
+    point_at,
     power_heuristic,
     surface_at,
+    valid_normal,
     without_diffuse,
 )
 
-FAR = 1e30
 TILE = 16
 # Dimensions of the sampler: 0 is the pixel, then a block per bounce.
 _PER_BOUNCE = 16
-_CHOICE, _DIRECTION, _LOBE, _ROULETTE, _SKY, _SUN = 1, 2, 3, 4, 5, 6
+_CHOICE, _DIRECTION, _LOBE, _ROULETTE, _LIGHTS = 1, 2, 3, 4, 5
 
 
 @njit(cache=True)
 def first_hit(world, buffer, s, o, d):
-    """Return (face, b1, b2, distance) of the nearest surface, passing through cut-outs; face -1 is none."""
+    """Return (face, b1, b2, distance) of the nearest surface, passing through cut-outs; face -1 is none, or a glowing sphere."""
+    _, sphere = nearest_sphere(world.spheres, o, d)
     travelled = 0.0
     for _ in range(256):
+        far = sphere - travelled
+        if far <= 0.0:
+            break
         face, t, b1, b2 = intersect(
-            world.static_scene, world.dynamic_scene, world.num_static_faces, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], FAR
+            world.static_scene, world.dynamic_scene, world.num_static_faces, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], far
         )
         if face < 0:
-            return -1, 0.0, 0.0, 0.0
+            break
         travelled += t
         if not (world.has_cutouts and is_cut_out(world, face, b1, b2)):
             return face, b1, b2, travelled
-        hit = hit_at(world, face, b1, b2)
-        o = leave(hit.p, hit.ng, d)
-    return -1, 0.0, 0.0, 0.0
+        p, ng = point_at(world, face, b1, b2)
+        o = leave(p, ng, d)
+    return -1, 0.0, 0.0, sphere if sphere < FAR else 0.0
 
 
 @njit(cache=True)
 def is_visible(world, buffer, s, o, d, far):
     """Return whether nothing opaque lies on a ray before distance `far`."""
+    if spheres_block(world.spheres, o, d, far):
+        return False
     if not world.has_cutouts:
         return not occluded(world.static_scene, world.dynamic_scene, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], far)
     face, _, _, t = first_hit(world, buffer, s, o, d)
@@ -68,12 +77,16 @@ def is_visible(world, buffer, s, o, d, far):
 
 
 @njit(cache=True)
-def beyond(lights, d, pdf, is_delta):
-    """Return the radiance of sky and sun discs along a ray that left the world.
+def beyond(world, lights, o, d, pdf, is_delta):
+    """Return the radiance of glowing spheres, sky and sun discs along a ray that met no surface.
 
-    `pdf` is the density with which the last surface chose the ray; what next-event estimation could have found too is
-    weighted against it.
+    `pdf` is the density with which the last surface, about `o`, chose the ray; what next-event estimation could have found
+    too is weighted against it.
     """
+    is_met, e, density = sphere_seen(lights, world, o, d)
+    if is_met:
+        w = 1.0 if is_delta else power_heuristic(pdf, density)
+        return e[0] * w, e[1] * w, e[2] * w
     r, g, b = environment_radiance(lights.panorama, d[0], d[1], d[2])
     if lights.panorama.shape[0] > 0 and not is_delta:
         w = power_heuristic(pdf, environment_pdf(lights.panorama, lights.row_cdf, lights.col_cdf, d[0], d[1], d[2]))
@@ -90,6 +103,16 @@ def beyond(lights, d, pdf, is_delta):
 
 
 @njit(cache=True)
+def glow(world, lights, hit, d, distance, pdf, is_delta):
+    """Return the radiance of a glowing surface met after `distance`, weighted as in `beyond`."""
+    e = emitted(world, hit, d)
+    if is_delta:
+        return e
+    w = power_heuristic(pdf, surface_density(world, lights, hit, d, distance))
+    return e[0] * w, e[1] * w, e[2] * w
+
+
+@njit(cache=True)
 def _facing(ng, two_faced, w):
     """Return whether w leaves a reflecting surface on the side of its geometric normal; glass lets it pass anywhere."""
     return two_faced or dot(ng, w) > 0.0
@@ -98,52 +121,27 @@ def _facing(ng, two_faced, w):
 @njit(cache=True)
 def direct(world, lights, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
     """Return the light that reaches a surface straight from the lights and leaves it along wo."""
-    t, b, n = frame
-    r = g = bl = 0.0
-    if lights.panorama.shape[0] > 0:
-        u0, u1 = draw2(stream, index, dimension + _SKY)
-        dx, dy, dz, density = sample_environment(lights.panorama, lights.row_cdf, lights.col_cdf, u0, u1)
-        d = (dx, dy, dz)
-        wi = to_local(d, t, b, n)
-        if density > 0.0 and _facing(hit.ng, two_faced, d):
-            f = bsdf.evaluate(surface, wo, wi)
-            if f[0] + f[1] + f[2] > 0.0 and is_visible(world, buffer, s, leave(hit.p, hit.ng, d), d, FAR):
-                e = environment_radiance(lights.panorama, dx, dy, dz)
-                w = abs(wi[2]) / density * power_heuristic(density, bsdf.pdf(surface, wo, wi))
-                r += f[0] * e[0] * w
-                g += f[1] * e[1] * w
-                bl += f[2] * e[2] * w
-    for i in range(lights.suns.shape[0]):
-        # Suns are summed, so two may share numbers; running into the next bounce's block would tie bounces together.
-        u0, u1 = draw2(stream, index, dimension + _SUN + i % (_PER_BOUNCE - _SUN))
-        dx, dy, dz, er, eg, eb = sample_sun(lights.suns, i, u0, u1)
-        d = (dx, dy, dz)
-        wi = to_local(d, t, b, n)
-        if _facing(hit.ng, two_faced, d):
-            f = bsdf.evaluate(surface, wo, wi)
-            if f[0] + f[1] + f[2] > 0.0 and is_visible(world, buffer, s, leave(hit.p, hit.ng, d), d, FAR):
-                w = abs(wi[2])
-                if lights.suns[i, SUN_COS] < 1.0:
-                    w *= power_heuristic(sun_pdf(lights.suns, i, dx, dy, dz), bsdf.pdf(surface, wo, wi))
-                r += f[0] * er * w
-                g += f[1] * eg * w
-                bl += f[2] * eb * w
-    for i in range(lights.points.shape[0]):
-        row = lights.points[i]
-        x, y, z = row[POINT_POSITION] - hit.p[0], row[POINT_POSITION + 1] - hit.p[1], row[POINT_POSITION + 2] - hit.p[2]
-        distance = math.sqrt(x * x + y * y + z * z)
-        if distance <= 0.0:
+    t, bt, n = frame
+    r = g = b = 0.0
+    # Lamps are aimed at from where the ray will start: a lamp seen edge-on would else stop the ray that is to reach it.
+    p = hit.p if two_faced else leave(hit.p, hit.ng, hit.ng)
+    for i in range(num_lights(lights)):
+        # Lights are summed, so two may share numbers; running into the next bounce's block would tie bounces together.
+        u0, u1 = draw2(stream, index, dimension + _LIGHTS + i % (_PER_BOUNCE - _LIGHTS))
+        d, far, e, density = sample_light(lights, i, p, u0, u1)
+        if e[0] + e[1] + e[2] <= 0.0 or not _facing(hit.ng, two_faced, d):
             continue
-        d = (x / distance, y / distance, z / distance)
-        wi = to_local(d, t, b, n)
-        if _facing(hit.ng, two_faced, d):
-            f = bsdf.evaluate(surface, wo, wi)
-            if f[0] + f[1] + f[2] > 0.0 and is_visible(world, buffer, s, leave(hit.p, hit.ng, d), d, distance * (1.0 - 1e-5)):
-                w = abs(wi[2]) / (distance * distance)
-                r += f[0] * row[POINT_INTENSITY] * w
-                g += f[1] * row[POINT_INTENSITY + 1] * w
-                bl += f[2] * row[POINT_INTENSITY + 2] * w
-    return r, g, bl
+        wi = to_local(d, t, bt, n)
+        f = bsdf.evaluate(surface, wo, wi)
+        if f[0] + f[1] + f[2] <= 0.0 or not is_visible(world, buffer, s, leave(hit.p, hit.ng, d) if two_faced else p, d, far):
+            continue
+        w = abs(wi[2])
+        if density < math.inf:
+            w *= power_heuristic(density, bsdf.pdf(surface, wo, wi))
+        r += f[0] * e[0] * w
+        g += f[1] * e[1] * w
+        b += f[2] * e[2] * w
+    return r, g, b
 
 
 @njit(cache=True)
@@ -155,6 +153,8 @@ def _flip(v):
 def scattering_frame(world, hit, normal, wo_world, anisotropic):
     """Return (t, b, n) with n on the viewer's side; where the shading normal turns away, the geometric one serves."""
     n = normal
+    if has_relief(world, hit.material):
+        n = valid_normal(n, hit.ng, wo_world)
     if dot(n, wo_world) <= 1e-4:
         n = hit.ng
     if anisotropic:
@@ -179,9 +179,9 @@ def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bou
     is_delta = True
     for bounce in range(max_bounces + 1):
         dimension = 1 + bounce * _PER_BOUNCE
-        face, b1, b2, _ = first_hit(world, buffer, s, o, d)
+        face, b1, b2, distance = first_hit(world, buffer, s, o, d)
         if face < 0:
-            e = beyond(lights, d, pdf, is_delta)
+            e = beyond(world, lights, o, d, pdf, is_delta)
             limit = clamp if bounce > 1 else math.inf
             return lr + min(br * e[0], limit), lg + min(bg * e[1], limit), lb + min(bb * e[2], limit)
         hit = hit_at(world, face, b1, b2)
@@ -189,13 +189,14 @@ def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bou
         kind = world.material_kind[hit.material]
         two_faced = is_two_faced(kind)
         if emits(kind):
-            row = world.material_values[hit.material]
+            e = glow(world, lights, hit, d, distance, pdf, is_delta)
             limit = clamp if bounce > 1 else math.inf
-            er, eg, eb = row[EMISSION], row[EMISSION + 1], row[EMISSION + 2]
-            return lr + min(br * er, limit), lg + min(bg * eg, limit), lb + min(bb * eb, limit)
+            return lr + min(br * e[0], limit), lg + min(bg * e[1], limit), lb + min(bb * e[2], limit)
         if bounce == max_bounces:
             return lr, lg, lb
         if not two_faced and dot(hit.ng, wo_world) < 0.0:
+            if world.material_values[hit.material, ONE_SIDED] > 0.5:
+                return lr, lg, lb
             hit = Hit(hit.face, hit.material, hit.u, hit.v, hit.p, _flip(hit.ng), _flip(hit.ns))
         coverage = film_coverage(world, hit)
         below_film = coverage > 0.0 and draw1(stream, index, dimension + _CHOICE) < coverage

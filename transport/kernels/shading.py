@@ -14,6 +14,8 @@ from .arrays import (
     ALPHA_TEXTURE,
     ALPHA_U,
     ALPHA_V,
+    BUMP_SCALE,
+    BUMP_TEXTURE,
     COVERAGE_TEXTURE,
     ETA,
     FILM_ALPHA,
@@ -94,6 +96,14 @@ def shading_normal(world, face, b1, b2):
 
 
 @njit(cache=True)
+def point_at(world, face, b1, b2):
+    """Return the point on a face at barycentric coordinates, and the face's normal."""
+    i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
+    p = _mix(_corner(world.vertices, i), _corner(world.vertices, j), _corner(world.vertices, k), 1.0 - b1 - b2, b1, b2)
+    return p, face_normal(world, face)
+
+
+@njit(cache=True)
 def hit_at(world, face, b1, b2):
     """Return the hit on a face at barycentric coordinates; `ns` lies on the side of `ng`."""
     i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
@@ -110,6 +120,9 @@ def hit_at(world, face, b1, b2):
     texture = world.material_textures[material, NORMAL_TEXTURE]
     if texture >= 0:
         ns = _mapped_normal(world, texture, i, j, k, u, v, e1, e2, ns)
+    texture = world.material_textures[material, BUMP_TEXTURE]
+    if texture >= 0:
+        ns = _bumped_normal(world, texture, material, i, j, k, u, v, e1, e2, ns)
     return Hit(face, material, u, v, p, ng, ns)
 
 
@@ -144,6 +157,62 @@ def _mapped_normal(world, texture, i, j, k, u, v, e1, e2, n):
     y = 2.0 * lookup(world.texels, world.texture_info, texture, u, v, 1) - 1.0
     z = 2.0 * lookup(world.texels, world.texture_info, texture, u, v, 2) - 1.0
     return normalize((x * t[0] + y * b[0] + z * n[0], x * t[1] + y * b[1] + z * n[1], x * t[2] + y * b[2] + z * n[2]))
+
+
+@njit(cache=True, error_model="numpy")
+def _bumped_normal(world, texture, material, i, j, k, u, v, e1, e2, n):
+    """Return the normal of a surface raised by a height map: n minus the height's gradient along the surface.
+
+    M. Mikkelsen, "Bump Mapping Unparametrized Surfaces on the GPU", 2010, eq. 4, from dp/du and dp/dv of the triangle.
+    """
+    du1, dv1 = world.uv[j, 0] - world.uv[i, 0], world.uv[j, 1] - world.uv[i, 1]
+    du2, dv2 = world.uv[k, 0] - world.uv[i, 0], world.uv[k, 1] - world.uv[i, 1]
+    d = du1 * dv2 - du2 * dv1
+    if abs(d) < 1e-20:
+        return n
+    pu = ((dv2 * e1[0] - dv1 * e2[0]) / d, (dv2 * e1[1] - dv1 * e2[1]) / d, (dv2 * e1[2] - dv1 * e2[2]) / d)
+    pv = ((du1 * e2[0] - du2 * e1[0]) / d, (du1 * e2[1] - du2 * e1[1]) / d, (du1 * e2[2] - du2 * e1[2]) / d)
+    # Central differences over a texel: the slope of bilinear heights, averaged over the two texels it may jump between.
+    hu, hv = 0.5 / world.texture_info[texture, 1], 0.5 / world.texture_info[texture, 2]
+    scale = world.material_values[material, BUMP_SCALE]
+    east = lookup(world.texels, world.texture_info, texture, u + hu, v, 0)
+    west = lookup(world.texels, world.texture_info, texture, u - hu, v, 0)
+    south = lookup(world.texels, world.texture_info, texture, u, v + hv, 0)
+    north = lookup(world.texels, world.texture_info, texture, u, v - hv, 0)
+    slope_u, slope_v = scale * (east - west) / (2.0 * hu), scale * (south - north) / (2.0 * hv)
+    a, b = cross(pv, n), cross(n, pu)
+    area = dot(pu, a)
+    if area == 0.0:
+        return n
+    x = n[0] - (slope_u * a[0] + slope_v * b[0]) / area
+    y = n[1] - (slope_u * a[1] + slope_v * b[1]) / area
+    z = n[2] - (slope_u * a[2] + slope_v * b[2]) / area
+    return normalize((x, y, z))
+
+
+@njit(cache=True)
+def has_relief(world, material):
+    """Return whether a normal or bump map bends the shading normal."""
+    textures = world.material_textures
+    return textures[material, NORMAL_TEXTURE] >= 0 or textures[material, BUMP_TEXTURE] >= 0
+
+
+@njit(cache=True, error_model="numpy")
+def valid_normal(n, ng, wo):
+    """Return n bent towards ng until wo, mirrored about it, leaves the surface.
+
+    Mirrored light below the geometric surface would be lost: black fringes. A. Keller et al., "The Iray Light Transport
+    Simulation and Rendering System", 2017, appendix A.3. Light that comes from below ng is cut off by the tracer, so that
+    nothing leaks through the surface either.
+    """
+    c = 2.0 * dot(n, wo)
+    m = (c * n[0] - wo[0], c * n[1] - wo[1], c * n[2] - wo[2])
+    below = dot(m, ng)
+    if below >= 1e-3:
+        return n
+    lift = 1e-3 - below
+    m = normalize((m[0] + lift * ng[0], m[1] + lift * ng[1], m[2] + lift * ng[2]))
+    return normalize((wo[0] + m[0], wo[1] + m[1], wo[2] + m[2]))
 
 
 @njit(cache=True)
