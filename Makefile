@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup lint format test demo bench proof notebooks lock clean
+.PHONY: help setup lint format test demo bench proof experiments notebooks lock clean
 export PYTHON
 
 BIN := .venv/bin
@@ -36,6 +36,9 @@ bench: setup  ## measure speed against other renderers (they are installed first
 
 proof: setup  ## show what is claimed, number by number -> out/proof.jsonl
 	$(BIN)/python -m benchmarks.proof $(ARGS)
+
+experiments: setup  ## run the experiments on optical flow -> out/experiments/NAME/report.html (hours; ARGS for all of them)
+	$(BIN)/meniscus experiment true-wet -o out/experiments/true-wet $(ARGS)
 
 notebooks: setup  ## run the notebooks in notebooks/ (Jupyter is installed into .venv first)
 	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements-notebooks.lock

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.metrics import peak_signal_noise_ratio, structural_similarity
 
+from evaluate.experiments.wetting import METHODS
 from materials.foundation.progress import stage
 from scene.images import encode
 from scene.reconstruction.build import build
@@ -27,7 +28,7 @@ from transport.photograph import PhotographSettings, photograph
 from transport.projected_world import ProjectedFrame, project_frame
 from transport.render import render
 from transport.separate import Separation, water_normals
-from transport.wet import WetFrame, wet_frame
+from transport.wet import wet_frame
 from transport.world import compile_world
 
 from .report import Report
@@ -60,20 +61,20 @@ def run(report: Report) -> None:
         pictures: dict[tuple[str, float], NDArray] = {}
         for v in _GRID:
             wet = wet_frame(projected, separation, water[v], settings.seed, settings.bounces)
-            for name, method in _METHODS.items():
+            for name, method in METHODS.items():
                 pictures[name, v] = method(projected, separation, wet)
         rows: list[tuple[str, list[NDArray]]] = [("recorded dry", [projected.raw])]
         for w in _WETNESS:
             truth = _true_picture(world, index, w, projected)
             if index == _FRAMES[0]:
-                for name in _METHODS:
+                for name in METHODS:
                     psnr = {v: _score(pictures[name, v], truth, projected.is_ground)[0] for v in _GRID}
                     chosen[w, name] = max(_GRID, key=lambda v, psnr=psnr: psnr[v])
-            best = {name: pictures[name, chosen[w, name]] for name in _METHODS}
+            best = {name: pictures[name, chosen[w, name]] for name in METHODS}
             if index != _FRAMES[0]:
                 for name, picture in best.items():
                     scores.setdefault((w, name), []).append(_score(picture, truth, projected.is_ground))
-            caption = " | ".join(f"{name} at {chosen[w, name]:.2f}" for name in _METHODS)
+            caption = " | ".join(f"{name} at {chosen[w, name]:.2f}" for name in METHODS)
             rows.append((f"shower {w:.2f}: true | {caption}", [truth, *best.values()]))
         contact_sheet(rows, folder / f"frame_{index}.png")
         if index == _FRAMES[0]:
@@ -86,43 +87,6 @@ def run(report: Report) -> None:
                 label = f"wet street, shower {w:.2f}: {measure} of the augmentation, above {name}"
                 report.proof(name=label, value=float(ours[k]), bound=float(theirs[k]), holds=bool(ours[k] > theirs[k]))
     _recomposition_proof(report, scene, projected, normals, settings)
-
-
-def darkened(frame: ProjectedFrame, separation: Separation, wet: WetFrame) -> NDArray:
-    """Return the frame with the same water, darkened only."""
-    image = frame.image * (1 + np.where(separation.wanted[..., None], wet.wet.dimming, 0))
-    return encode(image, frame.encoding)
-
-
-def planar_mirror(frame: ProjectedFrame, separation: Separation, wet: WetFrame) -> NDArray:
-    """Return the darkened frame with the picture mirrored about the horizon, weighted by Fresnel and accumulation."""
-    camera = frame.camera
-    up = camera.T_camera_world[:3, :3] @ (0, 0, 1)
-    xy = camera.pixel_centres()
-    rays = np.column_stack([(xy - (camera.cx, camera.cy)) / (camera.fx, camera.fy), np.ones(len(xy))])
-    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    cos = -(rays @ up)
-    mirrored = rays + 2 * cos[:, None] * up
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = mirrored[:, 0] / mirrored[:, 2] * camera.fx + camera.cx
-        y = mirrored[:, 1] / mirrored[:, 2] * camera.fy + camera.cy
-    inside = (mirrored[:, 2] > 0) & (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)
-    size = frame.image.shape
-    col, row = (np.where(inside, v, 0).astype(int) for v in (x, y))
-    reflected = np.where(inside[:, None], frame.image[row, col], 0).reshape(size)
-    r0 = ((1.33 - 1) / (1.33 + 1)) ** 2
-    fresnel = (r0 + (1 - r0) * (1 - np.clip(cos, 0, 1)) ** 5).reshape(size[:2])
-    weight = np.where(separation.wanted, wet.wet.wetness[..., 1] * fresnel, 0)[..., None]
-    image = frame.image * (1 + np.where(separation.wanted[..., None], wet.wet.dimming, 0)) + weight * reflected
-    return encode(image, frame.encoding)
-
-
-def augmented(frame: ProjectedFrame, separation: Separation, wet: WetFrame) -> NDArray:
-    """Return the augmentation itself."""
-    return wet.raw
-
-
-_METHODS = {"augmented": augmented, "darkened": darkened, "planar mirror": planar_mirror}
 
 
 def _true_picture(world: Street, index: int, w: float, frame: ProjectedFrame) -> NDArray:

@@ -16,6 +16,10 @@ def main(argv: list[str] | None = None) -> int:
         from transport.photograph import main as photograph_street
 
         return photograph_street(given[1:])
+    if given[:1] == ["experiment"]:
+        from .experiments.command import main as run_experiment
+
+        return run_experiment(given[1:])
     parser = argparse.ArgumentParser(
         prog="meniscus",
         description="Look after the toolkit. The work is done by scene-build and augment; each has --help.",
@@ -24,6 +28,7 @@ def main(argv: list[str] | None = None) -> int:
     subcommands = parser.add_subparsers(dest="subcommand", metavar="COMMAND")
     doctor = subcommands.add_parser("doctor", help="check libraries, name clashes, cores, memory and disk, and say what to do")
     subcommands.add_parser("street", help="photograph the built-in street, whose truth is known (see street --help)")
+    subcommands.add_parser("experiment", help="run an experiment on optical flow (see experiment --help)")
     doctor.add_argument("--traceback", action="store_true", help="show the Python traceback of a failure")
     code = 0
 

@@ -1,0 +1,28 @@
+"""The thesis's flow experiments, and those it could not do, one recipe a file: `meniscus experiment NAME -o OUT`.
+
+Each recipe is a function `run(settings, folder) -> Report`; its settings are in `settings.py`, which loads no numerics.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .settings import TrueWetSettings
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """Where an experiment is, what can be chosen about it, and what it asks."""
+
+    module: str
+    settings: type
+    question: str
+
+
+RECIPES: dict[str, Recipe] = {
+    "true-wet": Recipe(
+        "true_wet",
+        TrueWetSettings,
+        "Is a flow algorithm's error on the augmented street that on the truly wet one, more than with simpler ways to wet?",
+    ),
+}

@@ -1,0 +1,31 @@
+"""What can be chosen about the experiments. Imports no numerics, so that `--help` answers at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from materials.foundation.settings import check_settings, setting
+
+
+@dataclass(frozen=True)
+class StreetPart:
+    """The built-in street as the experiments on it photograph and reconstruct it."""
+
+    width: int = setting(640, "width of the pictures [px]", within="[64, 4096]")
+    height: int = setting(270, "height of the pictures [px]", within="[32, 4096]")
+    detail: float = setting(1.0, "fineness of the street's meshes and textures", within="[0.1, 2]")
+    step: float = setting(0.5, "distance driven from frame to frame [m]", within="[0, 2]")
+    pairs: int = setting(4, "pairs of consecutive frames", within="[1, 10]")
+    samples: int = setting(64, "paths per pixel, of photographs, truth and augmentation", within="[1, 65536]")
+    seed: int = setting(0, "seed of everything random", within="[0, 2147483647]")
+    algorithms: tuple[str, ...] = setting(("horn-schunck", "papenberg", "brox", "dis"), "flow algorithms, see flow-eval")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True)
+class TrueWetSettings(StreetPart):
+    """Settings of `true-wet`."""
+
+    showers: tuple[float, ...] = setting((1 / 3, 2 / 3, 1.0), "strengths of the true showers")
