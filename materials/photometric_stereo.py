@@ -98,8 +98,8 @@ def robust_normals(photographs: ABRDF, settings: NormalSettings = NormalSettings
 
     Notes
     -----
-    Seconds for 40 000 pixels and 96 images on two cores. Cast shadows and interreflections are not modelled: Cauchy's loss
-    keeps them from pulling the normal as long as most lights reach the pixel.
+    One to two minutes for 40 000 pixels and 96 images on two busy cores. Cast shadows and interreflections are not
+    modelled: Cauchy's loss keeps them from pulling the normal as long as most lights reach the pixel.
     """
     lights, values = _data(photographs)
     num = len(lights)

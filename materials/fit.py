@@ -1,0 +1,179 @@
+"""Analytical BRDFs fitted to apparent ones, texel by texel: the two-step fit of the thesis (5.3.2, 5.3.4), and a free one.
+
+`fit_texel` fits one point, `fit` all of them on all cores. The cost is eq. 5.2 with Cauchy's loss, log(1 + s / 4). Normals
+are estimated first with the half-vector cosine lobe of eq. 5.3; the model is then fitted about that normal, its tangent free.
+
+References
+----------
+Ngan et al. (2005), Experimental Analysis of BRDF Models. Kraft (1988), A Software Package for Sequential Quadratic
+Programming (the solver, through NLopt).
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .abrdf import ABRDF
+from .fit_problem import KINDS, Problem, initial_guess
+from .foundation.errors import InputError
+from .foundation.progress import tracked
+from .foundation.settings import check_settings, setting
+
+Floats = NDArray[np.float64]
+_MAIN, _OFF, _ANY = (0.1, 0.5), (0.5, 0.95), (0.02, 1.0)
+_MAX_TILT = math.radians(45)
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How a BRDF is fitted."""
+
+    model: str = setting("ct", "BRDF: ct (Cook-Torrance), ward, phong, ggx", choices=("ct", "ward", "phong", "ggx"))
+    normals: bool = setting(False, "estimate a normal per texel first (eq. 5.3)")
+    constrained: bool = setting(True, "the two-step fit with bounds of 5.3.4; else all angles at once, free")
+    lobes: int = setting(2, "specular lobes of the last step", within="[1, 2]")
+    eta: float = setting(1.5, "refractive index of the Fresnel factor of ct and ggx", within="(1, 5]")
+    diffuse_share: float = setting(2 / 3, "lowest diffuse albedo of step two, relative to step one", within="[0, 1]")
+    first_angle_deg: float = setting(45.0, "largest elevation angle of step one", within="(0, 90)")
+    full_angle_deg: float = setting(60.0, "largest elevation angle of normals and of step two", within="(0, 90)")
+    free_angle_deg: float = setting(80.0, "largest elevation angle of the free fit", within="(0, 90)")
+    loss_scale: float = setting(1.0, "residual [1/sr] that counts as 1 in Cauchy's loss", within="(0, inf)")
+    threads: int = setting(0, "threads; 0 takes all cores", within="[0, 1024]")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
+
+
+@dataclass(frozen=True)
+class TexelFit:
+    """A fitted BRDF.
+
+    Attributes
+    ----------
+    diffuse : (C,) float64
+        Albedo d of d / pi.
+    specular : (L, C) float64
+        Scales s of the lobes.
+    alpha : (L, 2) float64
+        Widths along tangent and bitangent.
+    frame : (3, 3) float64
+        Columns tangent, bitangent, normal, in coordinates of the coarse surface.
+    cost : float
+        Mean of log(1 + s / 4) over samples and channels of the last step.
+    relative_variance : float
+        Mean squared weighted residual over mean squared weighted value, same samples.
+    covariance : (P, P) float64
+        Of the parameters in the order diffuse, specular, alpha (u, v per lobe), tangent angle; 0 for those held or at a
+        bound. Robust to unequal noise (White's sandwich).
+    """
+
+    diffuse: Floats
+    specular: Floats
+    alpha: Floats
+    frame: Floats
+    cost: float
+    relative_variance: float
+    covariance: Floats
+
+    @property
+    def normal(self) -> Floats:
+        """The unit normal, in coordinates of the coarse surface."""
+        return self.frame[:, 2]
+
+
+def fit_texel(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSettings()) -> TexelFit:
+    """Fit one texel.
+
+    Parameters
+    ----------
+    abrdf : ABRDF
+        Measured; normalised here (eq. 2.16) if it is not.
+    texel : int
+        Which one, counted through all leading axes.
+    settings : FitSettings
+
+    Returns
+    -------
+    fit : TexelFit
+
+    Raises
+    ------
+    InputError
+        If too few valid samples lie within a step's angles.
+    """
+    flat = abrdf.normalise().flat()
+    if not 0 <= texel < flat.num_texels:
+        raise InputError(f"lie in [0, {flat.num_texels})", got=texel, key="texel")
+    return _fit(flat, texel, settings)
+
+
+def fit(abrdf: ABRDF, settings: FitSettings = FitSettings()) -> list[TexelFit]:
+    """Fit all texels, on all cores; each depends on itself alone, so that threads cannot change the result."""
+    flat = abrdf.normalise().flat()
+    if settings.threads == 1 or flat.num_texels == 1:
+        return [_fit(flat, t, settings) for t in tracked(range(flat.num_texels), "fitting texels")]
+    # Threads, as the cost is compiled and lets go of the interpreter.
+    with ThreadPoolExecutor(settings.threads or None) as pool:
+        done = pool.map(lambda t: _fit(flat, t, settings), range(flat.num_texels))
+        return list(tracked(done, "fitting texels", flat.num_texels))
+
+
+def estimate_normal(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSettings()) -> Floats:
+    """Return the frame (3, 3) of the half-vector lobe of eq. 5.3 that fits best: tangent, bitangent, normal."""
+    return _normal(abrdf.normalise().flat(), texel, settings)
+
+
+def _normal(flat: ABRDF, texel: int, settings: FitSettings) -> Floats:
+    problem = _problem(flat, texel, settings, settings.full_angle_deg, "half_vector", 1)
+    best = None
+    for alpha in (0.2, 0.5):
+        start = initial_guess(problem, ((alpha, alpha),), (0.0, 0.0, 0.0))
+        bounds = problem.bounds([(0.1, 0.95)], tilt=_MAX_TILT)
+        x, value = problem.minimise(start, bounds)
+        best = (value, x) if best is None or value < best[0] else best
+    return problem.frame(best[1]) if best else np.eye(3)
+
+
+def _fit(flat: ABRDF, texel: int, settings: FitSettings) -> TexelFit:
+    frame = _normal(flat, texel, settings) if settings.normals else np.eye(3)
+    if not settings.constrained:
+        problem = _problem(flat, texel, settings, settings.free_angle_deg, settings.model, settings.lobes, frame)
+        starts = [((0.1, 0.1),), ((0.3, 0.3),)] if settings.lobes == 1 else [((0.1, 0.1), (0.5, 0.5)), ((0.3, 0.3), (0.8, 0.8))]
+        return _best(problem, starts, problem.bounds([_ANY] * settings.lobes))
+    first = _problem(flat, texel, settings, settings.first_angle_deg, settings.model, 1, frame)
+    one = _best(first, [((0.15, 0.15),), ((0.35, 0.35),)], first.bounds([_MAIN]))
+    problem = _problem(flat, texel, settings, settings.full_angle_deg, settings.model, settings.lobes, frame)
+    main = tuple(one.alpha[0])
+    starts = [(main,)] if settings.lobes == 1 else [(main, (0.6, 0.6)), (main, (0.85, 0.85))]
+    top = np.maximum(one.diffuse, 1e-6)
+    bounds = problem.bounds([_MAIN, _OFF][: settings.lobes], diffuse=(settings.diffuse_share * top, top))
+    return _best(problem, starts, bounds)
+
+
+def _best(problem: Problem, starts: list[tuple], bounds: tuple[Floats, Floats]) -> TexelFit:
+    """Minimise from several widths, as the landscape over them has several valleys, and keep the lowest."""
+    found = [problem.minimise(initial_guess(problem, s, (0.0, 0.0, 0.0)), bounds) for s in starts]
+    x, value = min(found, key=lambda pair: pair[1])
+    diffuse, specular, alpha, _ = problem.split(x)
+    covariance, relative = problem.statistics(x, bounds)
+    return TexelFit(diffuse.copy(), specular.copy(), alpha.copy(), problem.frame(x), value, relative, covariance)
+
+
+def _problem(
+    flat: ABRDF, texel: int, settings: FitSettings, angle_deg: float, model: str, lobes: int, frame: Floats | None = None
+) -> Problem:
+    low = math.cos(math.radians(angle_deg))
+    keep = flat.valid[texel] & (flat.wi[:, 2] > low) & (flat.wo[:, 2] > low)
+    needed = 4 * (lobes + 2)
+    if int(keep.sum()) < needed:
+        must = f"have {needed} valid samples within {angle_deg:g} degrees of the normal"
+        raise InputError(must, got=int(keep.sum()), key=f"texel {texel}", remedy="Give more directions or a larger angle.")
+    value = np.ascontiguousarray(flat.value[texel][keep], np.float64)
+    f0 = ((settings.eta - 1) / (settings.eta + 1)) ** 2
+    base = np.eye(3) if frame is None else frame
+    return Problem(flat.wi[keep], flat.wo[keep], value, KINDS[model], f0, base, lobes, settings.loss_scale)
