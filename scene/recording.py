@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from materials.foundation.errors import InputError
 from materials.foundation.files import write_json
+from materials.foundation.typed_json import read_typed_json
 
 from .camera import Camera
 from .recording_json import CameraJson, FrameJson, RecordingJson
 from .transforms import as_pose
-from .typed_json import read_typed_json
 
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 

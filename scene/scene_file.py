@@ -25,12 +25,12 @@ from numpy.typing import NDArray
 from materials.foundation.checks import check_range, check_shape
 from materials.foundation.errors import InputError
 from materials.foundation.files import write_json
+from materials.foundation.typed_json import read_typed_json
 
 from .grid import GroundGrid
 from .images import read_exr, write_exr
 from .mesh import Mesh, read_ply, write_ply
 from .recording import Recording, read_recording
-from .typed_json import read_typed_json
 
 CLASSES = ("ground", "environment", "vehicle", "pedestrian")
 GROUND_MAPS = ("height", "mask", "moisture", "puddles", "coverage")

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from materials.foundation.checks import check_finite, check_range
 from materials.foundation.errors import InputError
 from materials.foundation.files import write_json
+from materials.foundation.typed_json import read_typed_json
 
 from .images import read_image, write_exr
 from .mesh import read_ply, write_ply
@@ -50,7 +51,6 @@ from .simulation_json import (
     SphereJson,
     TransportJson,
 )
-from .typed_json import read_typed_json
 
 FREE = {"lambert": ("albedo_scale",), "ggx": ("albedo_scale", "eta", "alpha", "alpha_u", "alpha_v", "specular_scale")}
 _RANGES = {

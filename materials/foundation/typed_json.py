@@ -8,7 +8,7 @@ from typing import TypeVar, get_args, get_type_hints
 
 import msgspec
 
-from materials.foundation.errors import InputError
+from .errors import InputError
 
 Kind = TypeVar("Kind")
 
