@@ -8,6 +8,7 @@ given: each method takes the global wetness that suits it best on the first fram
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,8 +99,8 @@ def _true_picture(world: Street, index: int, w: float, frame: ProjectedFrame) ->
 def _score(picture: NDArray, truth: NDArray, ground: NDArray[np.bool_]) -> tuple[float, float]:
     """Return PSNR and mean SSIM over the ground's pixels, of 8-bit pictures."""
     psnr = peak_signal_noise_ratio(truth[ground], picture[ground], data_range=255)
-    ssim = structural_similarity(truth, picture, channel_axis=-1, data_range=255, full=True)[1]
-    return float(psnr), float(np.asarray(ssim)[ground].mean())
+    result: Any = structural_similarity(truth, picture, channel_axis=-1, data_range=255, full=True)
+    return float(psnr), float(result[1][ground].mean())
 
 
 def _separation_proof(

@@ -138,5 +138,5 @@ def _lines_y(corners: Floats, cell: float) -> NDArray[np.float64]:
 def _grid_normals(x: Floats, y: Floats, z: Floats) -> NDArray[np.float64]:
     """Return unit normals (ny, nx, 3) of the height field by central differences on uneven lines."""
     dz_dy, dz_dx = np.gradient(z, y, x)
-    n = np.stack([-dz_dx, -dz_dy, np.ones_like(z)], axis=-1)
+    n = np.stack([-dz_dx, -dz_dy, np.ones_like(z)], axis=-1).astype(np.float64, copy=False)
     return n / np.linalg.norm(n, axis=-1, keepdims=True)

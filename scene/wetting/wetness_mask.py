@@ -162,7 +162,7 @@ def _segmented(points: NDArray, normals: NDArray, recording: Recording, meshes: 
         xy = view.camera.project(points[seen])[0].astype(int)
         kind = table[labels[xy[:, 1], xy[:, 0]]]
         votes[seen[kind >= 0], kind[kind >= 0]] += quality[seen[kind >= 0]]
-    return votes / np.maximum(votes.sum(axis=1, keepdims=True), 1e-9)
+    return (votes / np.maximum(votes.sum(axis=1, keepdims=True), 1e-9)).astype(np.float32, copy=False)
 
 
 def _coloured(
