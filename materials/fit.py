@@ -5,8 +5,8 @@ are estimated first with the half-vector cosine lobe of eq. 5.3; the model is th
 
 References
 ----------
-Ngan et al. (2005), Experimental Analysis of BRDF Models. Kraft (1988), A Software Package for Sequential Quadratic
-Programming (the solver, through NLopt).
+Ngan et al. (2005), Experimental Analysis of BRDF Models. Marquardt (1963), An algorithm for least-squares estimation of
+nonlinear parameters. Kraft (1988), A Software Package for Sequential Quadratic Programming (the other solver, NLopt's).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .abrdf import ABRDF
-from .fit_problem import KINDS, Problem, initial_guess
+from .fit_problem import KINDS, Problem
 from .foundation.errors import InputError
 from .foundation.progress import tracked
 from .foundation.settings import check_settings, setting
@@ -43,6 +43,9 @@ class FitSettings:
     full_angle_deg: float = setting(60.0, "largest elevation angle of normals and of step two", within="(0, 90)")
     free_angle_deg: float = setting(80.0, "largest elevation angle of the free fit", within="(0, 90)")
     loss_scale: float = setting(1.0, "residual [1/sr] that counts as 1 in Cauchy's loss", within="(0, inf)")
+    solver: str = setting(
+        "levenberg", "minimiser: levenberg (compiled) or slsqp (NLopt's, ten times slower)", choices=("levenberg", "slsqp")
+    )
     threads: int = setting(0, "threads; 0 takes all cores", within="[0, 1024]")
 
     def __post_init__(self) -> None:
@@ -130,35 +133,39 @@ def estimate_normal(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSet
 
 def _normal(flat: ABRDF, texel: int, settings: FitSettings) -> Floats:
     problem = _problem(flat, texel, settings, settings.full_angle_deg, "half_vector", 1)
-    best = None
-    for alpha in (0.2, 0.5):
-        start = initial_guess(problem, ((alpha, alpha),), (0.0, 0.0, 0.0))
-        bounds = problem.bounds([(0.1, 0.95)], tilt=_MAX_TILT)
-        x, value = problem.minimise(start, bounds)
-        best = (value, x) if best is None or value < best[0] else best
-    return problem.frame(best[1]) if best else np.eye(3)
+    x, _ = _minimise(problem, [(0.2,), (0.5,)], problem.bounds([(0.1, 0.95)], tilt=_MAX_TILT), settings)
+    return problem.frame(x)
 
 
-def _fit(flat: ABRDF, texel: int, settings: FitSettings) -> TexelFit:
-    frame = _normal(flat, texel, settings) if settings.normals else np.eye(3)
+def _fit(flat: ABRDF, texel: int, settings: FitSettings, base: Floats | None = None) -> TexelFit:
+    if base is None:
+        base = _normal(flat, texel, settings) if settings.normals else np.eye(3)
     if not settings.constrained:
-        problem = _problem(flat, texel, settings, settings.free_angle_deg, settings.model, settings.lobes, frame)
-        starts = [((0.1, 0.1),), ((0.3, 0.3),)] if settings.lobes == 1 else [((0.1, 0.1), (0.5, 0.5)), ((0.3, 0.3), (0.8, 0.8))]
-        return _best(problem, starts, problem.bounds([_ANY] * settings.lobes))
-    first = _problem(flat, texel, settings, settings.first_angle_deg, settings.model, 1, frame)
-    one = _best(first, [((0.15, 0.15),), ((0.35, 0.35),)], first.bounds([_MAIN]))
-    problem = _problem(flat, texel, settings, settings.full_angle_deg, settings.model, settings.lobes, frame)
-    main = tuple(one.alpha[0])
-    starts = [(main,)] if settings.lobes == 1 else [(main, (0.6, 0.6)), (main, (0.85, 0.85))]
+        problem = _problem(flat, texel, settings, settings.free_angle_deg, settings.model, settings.lobes, base)
+        widths = [(0.1,), (0.3,)] if settings.lobes == 1 else [(0.1, 0.5), (0.3, 0.8)]
+        return _best(problem, widths, problem.bounds([_ANY] * settings.lobes), settings)
+    first = _problem(flat, texel, settings, settings.first_angle_deg, settings.model, 1, base)
+    one = _best(first, [(0.15,), (0.35,)], first.bounds([_MAIN]), settings)
+    problem = _problem(flat, texel, settings, settings.full_angle_deg, settings.model, settings.lobes, base)
+    main = float(np.sqrt(one.alpha[0].prod()))
+    widths = [(main,)] if settings.lobes == 1 else [(main, 0.6), (main, 0.85)]
     top = np.maximum(one.diffuse, 1e-6)
     bounds = problem.bounds([_MAIN, _OFF][: settings.lobes], diffuse=(settings.diffuse_share * top, top))
-    return _best(problem, starts, bounds)
+    return _best(problem, widths, bounds, settings)
 
 
-def _best(problem: Problem, starts: list[tuple], bounds: tuple[Floats, Floats]) -> TexelFit:
+def _minimise(
+    problem: Problem, widths: list[tuple[float, ...]], bounds: tuple[Floats, Floats], settings: FitSettings
+) -> tuple[Floats, float]:
     """Minimise from several widths, as the landscape over them has several valleys, and keep the lowest."""
-    found = [problem.minimise(initial_guess(problem, s, (0.0, 0.0, 0.0)), bounds) for s in starts]
-    x, value = min(found, key=lambda pair: pair[1])
+    starts = [problem.start(w) for w in widths]
+    if settings.solver == "levenberg":
+        return problem.minimise(starts, bounds)
+    return min((problem.minimise_slsqp(s, bounds) for s in starts), key=lambda found: found[1])
+
+
+def _best(problem: Problem, widths: list[tuple[float, ...]], bounds: tuple[Floats, Floats], settings: FitSettings) -> TexelFit:
+    x, value = _minimise(problem, widths, bounds, settings)
     diffuse, specular, alpha, _ = problem.split(x)
     covariance, relative = problem.statistics(x, bounds)
     return TexelFit(diffuse.copy(), specular.copy(), alpha.copy(), problem.frame(x), value, relative, covariance)
@@ -176,4 +183,5 @@ def _problem(
     value = np.ascontiguousarray(flat.value[texel][keep], np.float64)
     f0 = ((settings.eta - 1) / (settings.eta + 1)) ** 2
     base = np.eye(3) if frame is None else frame
-    return Problem(flat.wi[keep], flat.wo[keep], value, KINDS[model], f0, base, lobes, settings.loss_scale)
+    wi, wo = (np.ascontiguousarray(w[keep], np.float64) for w in (flat.wi, flat.wo))
+    return Problem(wi, wo, value, KINDS[model], f0, base, lobes, settings.loss_scale)

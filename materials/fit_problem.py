@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -10,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .kernels import brdf_fit as kernel
+from .kernels import levenberg as solver
 from .kernels.kinds import COOK_TORRANCE, GGX, PHONG, WARD
 from .kernels.lobe_gradients import HALF_VECTOR
 
 Floats = NDArray[np.float64]
 KINDS = {"phong": PHONG, "ward": WARD, "ct": COOK_TORRANCE, "ggx": GGX, "half_vector": HALF_VECTOR}
 _MAX_EVALUATIONS = 400
+_ROUGH_SAMPLES = 1500
+_ROUGH, _FINE = 1e-5, 1e-7
 
 
 @dataclass(frozen=True)
@@ -55,17 +59,17 @@ class Problem:
 
     def frame(self, x: Floats) -> Floats:
         """Return the frame (3, 3): columns tangent, bitangent, normal."""
-        return self.base @ _turn(*x[-3:])[0]
+        return solver.turned(self.base, *x[-3:])[0]
 
     def cost(self, x: Floats, gradient: Floats) -> float:
         """Return the cost; fill `gradient` if it is not empty."""
         diffuse, specular, alpha, angles = self.split(x)
-        turn, by_angle = _turn(*angles)
+        frame, by_angle = solver.turned(self.base, *angles)
         gd, gs, ga, gf = np.empty(self.channels), np.empty(specular.shape), np.empty((self.lobes, 2)), np.empty((3, 3))
         arrays = (diffuse, specular, np.ascontiguousarray(alpha), self.loss_scale, gd, gs, ga, gf)
-        value = kernel.cost(self.wi, self.wo, self.value, self.kind, self.f0, self.base @ turn, *arrays)
+        value = kernel.cost(self.wi, self.wo, self.value, self.kind, self.f0, frame, *arrays)
         if gradient.size:
-            angle = [float(np.sum(gf * (self.base @ d))) for d in by_angle]
+            angle = [float(np.sum(gf * d)) for d in by_angle]
             gradient[:] = np.concatenate([gd, gs.ravel(), ga.ravel(), angle])
         return float(value)
 
@@ -85,8 +89,37 @@ class Problem:
         low[-3:], high[-3:] = (-tilt, -tilt, -turn), (tilt, tilt, turn)
         return low, high
 
-    def minimise(self, start: Floats, bounds: tuple[Floats, Floats]) -> tuple[Floats, float]:
-        """Return the minimum that sequential quadratic programming reaches from `start`, and its cost."""
+    def start(self, alphas: Sequence[float]) -> Floats:
+        """Return where to begin: round lobes of these widths, albedo and scales by least squares, the best tangent."""
+        x = np.zeros(self.size)
+        x[self.channels * (1 + self.lobes) : -3] = np.repeat(alphas, 2)
+        solver.start_linear(*self._given, x, self.lobes, self.loss_scale, self.stride)
+        if self.kind != PHONG:
+            solver.start_tangent(*self._given, x, self.lobes, self.loss_scale, self.stride)
+        return x
+
+    def minimise(self, starts: Sequence[Floats], bounds: tuple[Floats, Floats]) -> tuple[Floats, float]:
+        """Return the lowest minimum that Levenberg and Marquardt's method reaches from the starts, and its cost.
+
+        Where there are many samples an even part of them tells the starts apart and brings the best one near; few steps with
+        all samples remain.
+        """
+        low, high = bounds[0].copy(), bounds[1].copy()
+        if high[-1] > low[-1]:
+            low[-1], high[-1] = -np.inf, np.inf  # half a turn changes nothing: no wall may stop the tangent on its way
+        best, least = starts[0], math.inf
+        for start in starts:
+            x = start.copy()
+            rough = (self.stride, _ROUGH) if self.stride > 1 else (1, _FINE)
+            value, _ = solver.minimise(*self._given, x, low, high, self.lobes, self.loss_scale, *rough, _MAX_EVALUATIONS)
+            if value < least:
+                best, least = x, value
+        if self.stride > 1:
+            least, _ = solver.minimise(*self._given, best, low, high, self.lobes, self.loss_scale, 1, _FINE, _MAX_EVALUATIONS)
+        return self._canonical(best, bounds), float(least)
+
+    def minimise_slsqp(self, start: Floats, bounds: tuple[Floats, Floats]) -> tuple[Floats, float]:
+        """Return the minimum that NLopt's sequential quadratic programming reaches from `start`, and its cost."""
         import nlopt
 
         low, high = bounds
@@ -107,71 +140,53 @@ class Problem:
                 best[:] = [at, value]
             return value / unit
 
-        solver = nlopt.opt(nlopt.LD_SLSQP, self.size)
-        solver.set_min_objective(scaled)
-        solver.set_lower_bounds(low / scale)
-        solver.set_upper_bounds(high / scale)
-        solver.set_ftol_rel(1e-7)
-        solver.set_xtol_rel(1e-6)
-        solver.set_maxeval(_MAX_EVALUATIONS)
+        optimiser = nlopt.opt(nlopt.LD_SLSQP, self.size)
+        optimiser.set_min_objective(scaled)
+        optimiser.set_lower_bounds(low / scale)
+        optimiser.set_upper_bounds(high / scale)
+        optimiser.set_ftol_rel(1e-7)
+        optimiser.set_xtol_rel(1e-6)
+        optimiser.set_maxeval(_MAX_EVALUATIONS)
         # Raised at the floor of float64, or with no descent left: the best point seen stands.
         with suppress(nlopt.RoundoffLimited, RuntimeError):
-            solver.optimize(x / scale)
-        return best[0], best[1]
+            optimiser.optimize(x / scale)
+        return self._canonical(best[0], bounds), best[1]
 
     def statistics(self, x: Floats, bounds: tuple[Floats, Floats]) -> tuple[Floats, float]:
         """Return the covariance of the parameters but the tilt (White's sandwich), and the relative variance."""
-        diffuse, specular, alpha, angles = self.split(x)
-        turn, by_angle = _turn(*angles)
-        factor, t = kernel.terms(self.wi, self.wo, self.kind, self.f0, self.base @ turn, np.ascontiguousarray(alpha))
-        weight = self.wi[:, 2] * self.wo[:, 2]
-        n, c, lobes = len(weight), self.channels, self.lobes
-        jacobian = np.zeros((n, c, self.size))
-        by_turn = self.base @ by_angle[2]
-        slope = np.einsum("nka,na->nk", t[:, :, 3:6], self.wi @ by_turn) + np.einsum("nka,na->nk", t[:, :, 6:9], self.wo @ by_turn)
-        scaled = (factor * weight)[:, None]
-        for q in range(c):
-            jacobian[:, q, q] = scaled[:, 0] / math.pi
-            for k in range(lobes):
-                jacobian[:, q, c * (1 + k) + q] = scaled[:, 0] * t[:, k, 0]
-                at = c * (1 + lobes) + 2 * k
-                jacobian[:, q, at : at + 2] = scaled * specular[k, q] * t[:, k, 1:3]
-            jacobian[:, q, -1] = scaled[:, 0] * (slope @ specular[:, q])
-        model = factor[:, None] * (diffuse / math.pi + t[:, :, 0] @ specular)
-        residual = weight[:, None] * (model - self.value)
-        relative = float(np.mean(residual**2) / max(np.mean((weight[:, None] * self.value) ** 2), 1e-300))
-        if self.kind == PHONG:
-            jacobian[:, :, c * (1 + lobes) + 1 : -3 : 2] = 0  # the second width is the first
+        diffuse, specular, alpha, _ = self.split(x)
+        hessian, gradient, meat = np.empty((self.size, self.size)), np.empty(self.size), np.empty((self.size, self.size))
+        solver.normal_equations(*self._given, x, self.lobes, self.loss_scale, 1, hessian, gradient, meat)
+        arrays = (self.frame(x), diffuse, specular, np.ascontiguousarray(alpha))
+        residual, level = kernel.misfit(self.wi, self.wo, self.value, self.kind, self.f0, *arrays)
         low, high = bounds
-        j = jacobian.reshape(n * c, self.size)
         edge = 1e-6 * (1 + np.abs(x))
-        free = (x > low + edge) & (x < high - edge) & (np.abs(j).max(axis=0) > 1e-12)
+        diagonal = np.diag(hessian)
+        free = (x > low + edge) & (x < high - edge) & (diagonal > 1e-24)
+        free[-1] = high[-1] > low[-1] and diagonal[-1] > 1e-24
         free[-3:-1] = False
         covariance = np.zeros((self.size, self.size))
-        j = j[:, free]
-        scale = np.linalg.norm(j, axis=0)
-        inverse = np.linalg.pinv((j / scale).T @ (j / scale), rcond=1e-12) / np.outer(scale, scale)
-        pulled = j * residual.reshape(-1, 1)
-        covariance[np.ix_(free, free)] = inverse @ (pulled.T @ pulled) @ inverse
-        return np.delete(np.delete(covariance, (-3, -2), 0), (-3, -2), 1), relative
+        scale = 1 / np.sqrt(diagonal[free])
+        inverse = np.linalg.pinv(hessian[np.ix_(free, free)] * np.outer(scale, scale), rcond=1e-12) * np.outer(scale, scale)
+        covariance[np.ix_(free, free)] = inverse @ meat[np.ix_(free, free)] @ inverse
+        return np.delete(np.delete(covariance, (-3, -2), 0), (-3, -2), 1), residual / max(level, 1e-300)
 
+    @property
+    def stride(self) -> int:
+        """Every which sample the rough part of a minimisation looks at; odd, so as to pass through all rows of a grid."""
+        return max(len(self.wi) // _ROUGH_SAMPLES, 1) | 1
 
-def initial_guess(problem: Problem, alphas: tuple[tuple[float, float], ...], angles: tuple[float, float, float]) -> Floats:
-    """Return the vector whose albedo and scales solve plain least squares at given widths, negative ones set to 0."""
-    alpha = np.array(alphas, np.float64)
-    factor, t = kernel.terms(problem.wi, problem.wo, problem.kind, problem.f0, problem.base @ _turn(*angles)[0], alpha)
-    weight = (problem.wi[:, 2] * problem.wo[:, 2])[:, None]
-    design = weight * factor[:, None] * np.concatenate([np.full((len(factor), 1), 1 / math.pi), t[:, :, 0]], axis=1)
-    solved, *_ = np.linalg.lstsq(design, weight * problem.value, rcond=None)
-    # A scale of exactly 0 would leave its width without gradient.
-    least = 1e-3 * max(float(problem.value.mean()), 1e-9)
-    return np.concatenate([np.maximum(solved, least).ravel(), alpha.ravel(), angles])
+    @property
+    def _given(self) -> tuple[Floats, Floats, Floats, int, float, Floats]:
+        return self.wi, self.wo, self.value, self.kind, self.f0, self.base
 
-
-def _turn(a: float, b: float, c: float) -> tuple[Floats, list[Floats]]:
-    """Return R = Ry(a) Rx(b) Rz(c) and its derivatives by the three angles."""
-    ca, sa, cb, sb, cc, sc = math.cos(a), math.sin(a), math.cos(b), math.sin(b), math.cos(c), math.sin(c)
-    y, dy = np.array([[ca, 0, sa], [0, 1, 0], [-sa, 0, ca]]), np.array([[-sa, 0, ca], [0, 0, 0], [-ca, 0, -sa]])
-    x, dx = np.array([[1, 0, 0], [0, cb, -sb], [0, sb, cb]]), np.array([[0, 0, 0], [0, -sb, -cb], [0, cb, -sb]])
-    z, dz = np.array([[cc, -sc, 0], [sc, cc, 0], [0, 0, 1]]), np.array([[-sc, -cc, 0], [cc, -sc, 0], [0, 0, 0]])
-    return y @ x @ z, [dy @ x @ z, y @ dx @ z, y @ x @ dz]
+    def _canonical(self, x: Floats, bounds: tuple[Floats, Floats]) -> Floats:
+        """Return the same lobes with the tangent within an eighth of a turn: a quarter turn swaps the widths."""
+        x = x.copy()
+        if bounds[1][-1] > bounds[0][-1]:
+            quarters = round(x[-1] / (math.pi / 2))
+            x[-1] -= quarters * math.pi / 2
+            if quarters % 2:
+                first = self.channels * (1 + self.lobes)
+                x[first:-3] = x[first:-3].reshape(-1, 2)[:, ::-1].ravel()
+        return x

@@ -111,3 +111,31 @@ def terms(wi, wo, kind, f0, frame, alpha):
             for q in range(3):
                 out[j, k, 3 + q], out[j, k, 6 + q] = gi[q], go[q]
     return factor, out
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def misfit(wi, wo, value, kind, f0, frame, diffuse, specular, alpha):
+    """Return the mean squares of the cosine-weighted residual and of the cosine-weighted values."""
+    num, channels = value.shape
+    lobes = len(alpha)
+    ks = np.empty(lobes)
+    residual, level = 0.0, 0.0
+    for j in range(num):
+        a, b = (wi[j, 0], wi[j, 1], wi[j, 2]), (wo[j, 0], wo[j, 1], wo[j, 2])
+        local_i, local_o = _local(frame, a), _local(frame, b)
+        lit = local_i[2] > 0.0 and local_o[2] > 0.0
+        factor = local_i[2] / a[2] if lit else 0.0
+        weight = a[2] * b[2]
+        if lit:
+            for k in range(lobes):
+                ks[k] = lobe(kind, local_i, local_o, alpha[k, 0], alpha[k, 1], f0)[0]
+        for c in range(channels):
+            f = 0.0
+            if lit:
+                f = diffuse[c] * _INV_PI
+                for k in range(lobes):
+                    f += specular[k, c] * ks[k]
+            residual += (weight * (factor * f - value[j, c])) ** 2
+            level += (weight * value[j, c]) ** 2
+    scale = 1.0 / max(num * channels, 1)
+    return residual * scale, level * scale

@@ -11,6 +11,7 @@ from materials.fit import FitSettings, estimate_normal, fit, fit_texel
 from materials.fit_problem import KINDS, Problem
 from materials.foundation.errors import InputError
 from materials.kernels import cook_torrance, ggx, phong, ward
+from materials.kernels.levenberg import normal_equations
 from materials.kernels.lobe_gradients import lobe
 from materials.measured.cornell import read_cornell
 
@@ -86,6 +87,35 @@ def test_a_model_is_recovered_from_its_own_noisy_samples(kind):
     assert (np.abs(got - x[:-3])[free] < 4 * sigma[free] + 1e-6).all()
     # clipping at 0 adds a little; the weighted noise is the relative variance
     assert f.relative_variance < 0.02
+
+
+@pytest.mark.parametrize("kind", ["phong", "ward", "ct", "ggx"])
+def test_both_solvers_reach_the_same_cost(kind):
+    a, _ = rendered(kind, noise=0.005, dome=even_directions(40), tilt=(0.1, -0.05), turn=1.0)
+    ours, theirs = (fit_texel(a, settings=FitSettings(model=kind, solver=s)) for s in ("levenberg", "slsqp"))
+    # each stops when a step gains less than 1e-7 of the cost, short of the bottom by some such steps; it may find a lower valley
+    assert ours.cost <= theirs.cost * (1 + 1e-5)
+
+
+def test_the_compiled_gradient_and_cost_are_those_of_the_objective():
+    p, x = problem("ct", even_directions(12, 70), (0.2, -0.1))
+    gradient, other = np.empty(p.size), np.empty(p.size)
+    value = p.cost(x, gradient)
+    hessian = np.empty((p.size, p.size))
+    args = (p.wi, p.wo, p.value, p.kind, p.f0, p.base, x, p.lobes, 1.0, 1)
+    assert normal_equations(*args, hessian, other, np.empty((0, 0))) == pytest.approx(value, rel=1e-12)
+    assert np.allclose(gradient, other, rtol=1e-9, atol=1e-12 * np.abs(gradient).max())
+
+
+@pytest.mark.parametrize("turn", [0.3, 0.8, 1.4, 2.5])
+def test_brushed_lobes_are_found_whatever_their_tangent(turn):
+    a, _ = rendered("ward", noise=0.002, dome=even_directions(60), turn=turn)
+    f = fit_texel(a, settings=FitSettings(model="ward"))
+    # two widths of 0.15 and 0.3 under any name, along the tangent that belongs to them
+    narrow = int(np.argmin(f.alpha[0]))
+    assert np.allclose(np.sort(f.alpha[0]), (0.15, 0.3), atol=0.01)
+    along = f.frame[:, narrow]
+    assert abs(along @ (math.cos(turn), math.sin(turn), 0)) == pytest.approx(1, abs=1e-3)
 
 
 def test_the_two_steps_stay_within_their_bounds():
