@@ -201,6 +201,12 @@ class Medium:
         [m]
     base_z : float
         [m]
+    density : (nz, ny, nx) float32 or None
+        Factors on `sigma_t` at the centres of as many cells of `bounds`, trilinear between them.
+    droplet_diameter_um : float or None
+        Scatter as water droplets of this size do (`materials.phase.droplets`) rather than by `g` [micrometres].
+
+    The last two have no field in simulation/1.
     """
 
     sigma_t: float
@@ -209,6 +215,8 @@ class Medium:
     bounds: tuple[RGB, RGB] | None = None
     scale_height: float | None = None
     base_z: float = 0.0
+    density: NDArray[np.float32] | None = None
+    droplet_diameter_um: float | None = None
 
 
 @dataclass(frozen=True)
@@ -256,7 +264,7 @@ class Simulation:
     """Shapes, the materials they name, and the lights. Static shapes come first for the tracer's sake: it sorts them.
 
     What the tracer does not take from here (it is given its own arguments) is what a file says about how the image came about:
-    `transport`, `medium`, `lens`, `sensor`, and `effects` in the order in which they act.
+    `transport`, `lens`, `sensor`, and `effects` in the order in which they act.
     """
 
     shapes: tuple[Shape, ...]

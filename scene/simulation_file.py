@@ -132,9 +132,7 @@ def write_simulation(path: str | Path, simulation: Simulation) -> None:
         materials,
         lights,
         TransportJson(simulation.transport.max_bounces, simulation.transport.shadows),
-        None
-        if medium is None
-        else MediumJson(medium.sigma_t, medium.albedo, medium.g, medium.bounds, medium.scale_height, medium.base_z),
+        None if medium is None else _medium_json(medium),
         LensJson(lens.model, lens.aperture_radius, focus, lens.k1, lens.k2),
         SensorJson(sensor.response, sensor.gamma, sensor.saturation),
         [EffectJson(e.id, e.target, e.parameters) for e in simulation.effects],
@@ -240,6 +238,13 @@ def _light(light: LightJson, key: str) -> Light:
         raise InputError("have a length", got=light.direction, key=f"{key}.direction")
     x, y, z = (component / length for component in light.direction)
     return DirectionalLight((x, y, z), light.irradiance)
+
+
+def _medium_json(m: Medium) -> MediumJson:
+    if m.density is not None or m.droplet_diameter_um is not None:
+        got = "a density" if m.density is not None else "a droplet diameter"
+        raise InputError("have a field in simulation/1", got=got, key="medium")
+    return MediumJson(m.sigma_t, m.albedo, m.g, m.bounds, m.scale_height, m.base_z)
 
 
 def _medium(m: MediumJson) -> Medium:

@@ -47,7 +47,7 @@ def render(
     clamp: float = np.inf,
     label: str = "rendering",
 ) -> Rendering:
-    """Trace paths through every pixel.
+    """Trace paths through every pixel, and through the world's medium if it has one.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def render(
     seed : int
         The same seed gives the same bits, whatever the number of threads.
     max_bounces : int
-        Scattering events per path; 1 is direct light only.
+        Scattering events per path, in the air as on surfaces; 1 is direct light only.
     specular_only : bool
         Let the surface that the camera sees scatter by its specular lobes alone.
     clamp : float
@@ -79,6 +79,7 @@ def render(
         args = (
             world.arrays,
             world.lights,
+            world.medium,
             view,
             first_row,
             last_row,

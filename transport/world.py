@@ -19,6 +19,7 @@ from .embree import EmbreeScene
 from .kernels import arrays as a
 from .light_table import compile_lights, sphere_table
 from .material_table import compile_materials
+from .media import MediumArrays, compile_medium
 
 __all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights"]
 
@@ -35,12 +36,15 @@ class World:
         In the order of `arrays.face_shape`.
     scenes : tuple of EmbreeScene
         Kept alive as long as the world: the kernels hold bare handles.
+    medium : MediumArrays or None
+        What fills the space.
     """
 
     arrays: a.WorldArrays
     lights: a.LightArrays
     shapes: tuple[Shape, ...]
     scenes: tuple[EmbreeScene, ...]
+    medium: MediumArrays | None = None
 
 
 def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
@@ -105,7 +109,8 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
         spheres=np.zeros((0, 4)),
     )
     lights = compile_lights(simulation.lights, arrays)
-    return World(arrays._replace(spheres=sphere_table(lights)), lights, shapes, scenes)
+    medium = None if simulation.medium is None else compile_medium(simulation.medium)
+    return World(arrays._replace(spheres=sphere_table(lights)), lights, shapes, scenes, medium)
 
 
 def with_lights(world: World, lights: dict[str, Light]) -> World:

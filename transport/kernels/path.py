@@ -1,7 +1,8 @@
 """The path tracer: next-event estimation and multiple importance sampling over any number of bounces.
 
 Everything is estimated at once by paths from the camera: J. T. Kajiya, "The Rendering Equation", 1986; combination of
-strategies by the power heuristic: E. Veach, thesis, 1997, section 9.2.
+strategies by the power heuristic: E. Veach, thesis, 1997, section 9.2. Where `medium` is None, Numba compiles the tracer
+without a trace of media.
 """
 
 import math
@@ -9,14 +10,16 @@ import math
 import numpy as np
 from numba import njit, prange
 
-from materials.kernels import bsdf
+from materials.kernels import bsdf, phase
 from materials.kernels.frames import basis, dot, to_local, to_world
 from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V
 
+from .airlight import airlight
 from .arrays import ONE_SIDED, SUN_POWER
-from .emitters import FAR, emitted, nearest_sphere, sphere_seen, spheres_block, surface_density
+from .emitters import FAR, emitted, sphere_seen, surface_density
 from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
-from .rays import intersect, occluded, ray_buffer
+from .media import flight, phase_of, tracking, transmittance
+from .rays import ray_buffer
 from .sampler import draw1, draw2, hash2
 from .shading import (
     Hit,
@@ -27,53 +30,19 @@ from .shading import (
     has_relief,
     hit_at,
     hit_tangent,
-    is_cut_out,
     is_two_faced,
     leave,
-    point_at,
     power_heuristic,
     surface_at,
     valid_normal,
     without_diffuse,
 )
+from .visibility import first_hit, is_visible
 
 TILE = 16
 # Dimensions of the sampler: 0 is the pixel, then a block per bounce.
 _PER_BOUNCE = 16
-_CHOICE, _DIRECTION, _LOBE, _ROULETTE, _LIGHTS = 1, 2, 3, 4, 5
-
-
-@njit(cache=True)
-def first_hit(world, buffer, s, o, d):
-    """Return (face, b1, b2, distance) of the nearest surface, passing through cut-outs; face -1 is none, or a glowing sphere."""
-    _, sphere = nearest_sphere(world.spheres, o, d)
-    travelled = 0.0
-    for _ in range(256):
-        far = sphere - travelled
-        if far <= 0.0:
-            break
-        face, t, b1, b2 = intersect(
-            world.static_scene, world.dynamic_scene, world.num_static_faces, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], far
-        )
-        if face < 0:
-            break
-        travelled += t
-        if not (world.has_cutouts and is_cut_out(world, face, b1, b2)):
-            return face, b1, b2, travelled
-        p, ng = point_at(world, face, b1, b2)
-        o = leave(p, ng, d)
-    return -1, 0.0, 0.0, sphere if sphere < FAR else 0.0
-
-
-@njit(cache=True)
-def is_visible(world, buffer, s, o, d, far):
-    """Return whether nothing opaque lies on a ray before distance `far`."""
-    if spheres_block(world.spheres, o, d, far):
-        return False
-    if not world.has_cutouts:
-        return not occluded(world.static_scene, world.dynamic_scene, buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], far)
-    face, _, _, t = first_hit(world, buffer, s, o, d)
-    return face < 0 or t >= far
+_FLIGHT, _CHOICE, _DIRECTION, _LOBE, _ROULETTE, _LIGHTS = 0, 1, 2, 3, 4, 5
 
 
 @njit(cache=True)
@@ -119,8 +88,8 @@ def _facing(ng, two_faced, w):
 
 
 @njit(cache=True)
-def direct(world, lights, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
-    """Return the light that reaches a surface straight from the lights and leaves it along wo."""
+def direct(world, lights, medium, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
+    """Return the light that reaches a surface straight from the lights, through the medium, and leaves it along wo."""
     t, bt, n = frame
     r = g = b = 0.0
     # Lamps are aimed at from where the ray will start: a lamp seen edge-on would else stop the ray that is to reach it.
@@ -138,6 +107,8 @@ def direct(world, lights, buffer, s, stream, index, dimension, hit, surface, fra
         w = abs(wi[2])
         if density < math.inf:
             w *= power_heuristic(density, bsdf.pdf(surface, wo, wi))
+        if medium is not None:
+            w *= transmittance(medium, p, d, far, tracking(stream, index, dimension + _LIGHTS + i))
         r += f[0] * e[0] * w
         g += f[1] * e[1] * w
         b += f[2] * e[2] * w
@@ -165,7 +136,7 @@ def scattering_frame(world, hit, normal, wo_world, anisotropic):
 
 
 @njit(cache=True)
-def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp):
+def radiance(world, lights, medium, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp):
     """Return an estimate (r, g, b) of the radiance that arrives at `origin` from `direction`.
 
     With `specular_only` the first surface scatters by its specular lobes alone; as radiance is linear in the lobes,
@@ -178,8 +149,35 @@ def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bou
     pdf = 0.0
     is_delta = True
     for bounce in range(max_bounces + 1):
+        if bounce >= roulette_from:
+            survival = min(0.95, max(br, max(bg, bb)))
+            if draw1(stream, index, 1 + (bounce - 1) * _PER_BOUNCE + _ROULETTE) >= survival:
+                return lr, lg, lb
+            br /= survival
+            bg /= survival
+            bb /= survival
         dimension = 1 + bounce * _PER_BOUNCE
         face, b1, b2, distance = first_hit(world, buffer, s, o, d)
+        if medium is not None:
+            far = distance if face >= 0 or distance > 0.0 else FAR
+            t = flight(medium, o, d, far, draw1(stream, index, dimension + _FLIGHT), tracking(stream, index, dimension))
+            if t < far:
+                if bounce == max_bounces:
+                    return lr, lg, lb
+                o = (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2])
+                br *= medium.albedo[0]
+                bg *= medium.albedo[1]
+                bb *= medium.albedo[2]
+                e = airlight(world, lights, medium, buffer, s, stream, index, dimension + _LIGHTS, _PER_BOUNCE - _LIGHTS, o, d)
+                limit = clamp if bounce > 0 else math.inf
+                lr += min(br * e[0], limit)
+                lg += min(bg * e[1], limit)
+                lb += min(bb * e[2], limit)
+                u0, u1 = draw2(stream, index, dimension + _DIRECTION)
+                turned = phase.sample(phase_of(medium), d, u0, u1)
+                pdf, is_delta = phase.evaluate(phase_of(medium), dot(d, turned)), False
+                d = turned
+                continue
         if face < 0:
             e = beyond(world, lights, o, d, pdf, is_delta)
             limit = clamp if bounce > 1 else math.inf
@@ -213,7 +211,7 @@ def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bou
         t, b, n = frame
         wo = to_local(wo_world, t, b, n)
         if not bsdf.is_specular(surface):
-            e = direct(world, lights, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced)
+            e = direct(world, lights, medium, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced)
             limit = clamp if bounce > 0 else math.inf
             lr += min(br * e[0], limit)
             lg += min(bg * e[1], limit)
@@ -227,13 +225,6 @@ def radiance(world, lights, buffer, s, stream, index, origin, direction, max_bou
         if br + bg + bb <= 0.0 or not _facing(hit.ng, two_faced, d):
             return lr, lg, lb
         o = leave(hit.p, hit.ng, d)
-        if bounce + 1 >= roulette_from:
-            survival = min(0.95, max(br, max(bg, bb)))
-            if draw1(stream, index, dimension + _ROULETTE) >= survival:
-                return lr, lg, lb
-            br /= survival
-            bg /= survival
-            bb /= survival
     return lr, lg, lb
 
 
@@ -250,7 +241,21 @@ def camera_ray(camera, x, y):
 
 @njit(cache=True, parallel=True)
 def render(
-    world, lights, camera, first_row, last_row, first, count, seed, max_bounces, roulette_from, specular_only, clamp, total, square
+    world,
+    lights,
+    medium,
+    camera,
+    first_row,
+    last_row,
+    first,
+    count,
+    seed,
+    max_bounces,
+    roulette_from,
+    specular_only,
+    clamp,
+    total,
+    square,
 ):
     """Add `count` samples, numbered from `first`, to the sums of radiance and of its square over some rows of pixels.
 
@@ -268,7 +273,9 @@ def render(
                 for i in range(first, first + count):
                     jx, jy = draw2(stream, i, 0)
                     o, d = camera_ray(camera, col + jx, row + jy)
-                    e = radiance(world, lights, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp)
+                    e = radiance(
+                        world, lights, medium, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp
+                    )
                     for c in range(3):
                         total[row, col, c] += e[c]
                         square[row, col, c] += e[c] * e[c]

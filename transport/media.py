@@ -1,0 +1,116 @@
+"""Media for the tracer: fog in a box or everywhere, thinning with height, or of any density on a grid."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import maximum_filter
+
+from materials.foundation.checks import check_finite, check_range, check_shape, check_unit
+from materials.foundation.errors import InputError
+from materials.phase import droplets, henyey_greenstein
+from scene.simulation import Medium
+
+from .kernels import media as kernel
+from .kernels.media import MediumArrays
+
+__all__ = ["MediumArrays", "compile_medium", "transmittance"]
+
+# Cells of the grid of bounds per axis, at most: walking costs per cell, loose bounds cost per tentative collision.
+_MAJORANT_CELLS = 16
+
+
+def compile_medium(medium: Medium) -> MediumArrays:
+    """Return a medium as the kernels take it.
+
+    Raises
+    ------
+    InputError
+        If a number is out of range, the box is turned inside out, or a density has no box to fill, or stands beside a
+        scale height.
+    """
+    check_range("medium.sigma_t", medium.sigma_t, "[0, inf)")
+    check_range("medium.albedo", medium.albedo, "[0, 1]")
+    if medium.scale_height is not None:
+        check_range("medium.scale_height", medium.scale_height, "(0, inf)")
+    low, high = medium.bounds or ((-np.inf,) * 3, (np.inf,) * 3)
+    if not all(a < b for a, b in zip(low, high, strict=True)):
+        raise InputError("be the lower and the upper corner of a box", got=medium.bounds, key="medium.bounds")
+    density, majorant = np.zeros((1, 1, 1), np.float32), np.zeros((1, 1, 1), np.float32)
+    kind = kernel.EVEN if medium.scale_height is None else kernel.HEIGHT
+    if medium.density is not None:
+        if medium.bounds is None or medium.scale_height is not None:
+            raise InputError("have bounds, and no scale_height", key="a medium with a density")
+        kind = kernel.GRID
+        check_shape("medium.density", medium.density, (None, None, None))
+        check_range("medium.density", medium.density, "[0, inf)")
+        check_finite("medium.density", medium.density)
+        density = np.ascontiguousarray(medium.density, np.float32)
+        majorant = _upper_bounds(density) * np.float32(medium.sigma_t)
+    phase = henyey_greenstein(medium.g) if medium.droplet_diameter_um is None else droplets(medium.droplet_diameter_um)
+    return MediumArrays(
+        kind,
+        float(medium.sigma_t),
+        np.array(medium.albedo, np.float64),
+        np.array(phase, np.float64),
+        np.array(low, np.float64),
+        np.array(high, np.float64),
+        1.0 if medium.scale_height is None else float(medium.scale_height),
+        float(medium.base_z),
+        density,
+        majorant,
+    )
+
+
+def transmittance(
+    medium: MediumArrays, origins: ArrayLike, directions: ArrayLike, distances: ArrayLike, samples: int = 1, seed: int = 0
+) -> NDArray[np.float64]:
+    """Return the share of light that gets along straight lines.
+
+    Parameters
+    ----------
+    medium : MediumArrays
+        From `compile_medium`.
+    origins, directions : (N, 3) float
+        Starts [m] and unit vectors.
+    distances : (N,) float
+        How far [m]; infinity is allowed.
+    samples : int
+        Estimates per line, where there is no closed form.
+    seed : int
+
+    Returns
+    -------
+    transmittance : (N,) float64
+        In [0, 1]; a single tracked estimate may exceed 1, its mean does not.
+
+    Examples
+    --------
+    >>> fog = compile_medium(Medium(0.1))
+    >>> round(float(transmittance(fog, [[0, 0, 0]], [[1, 0, 0]], [10.0])[0]), 4)
+    0.3679
+    """
+    o, d = np.ascontiguousarray(origins, np.float64), np.ascontiguousarray(directions, np.float64)
+    far = np.minimum(np.asarray(distances, np.float64), kernel.FAR)
+    check_shape("origins", o, (None, 3))
+    check_shape("directions", d, (len(o), 3))
+    check_unit("directions", d)
+    check_range("distances", far, "[0, inf)")
+    check_shape("distances", far, (len(o),))
+    check_range("samples", samples, "[1, 1073741824]")
+    out = np.empty(len(o))
+    kernel.transmittance_many(medium, o, d, far, samples, seed & 0xFFFFFFFF, out)
+    return out
+
+
+def _upper_bounds(density: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the largest density in each cell of a coarser grid over the same box, what is interpolated into it included."""
+    bound = maximum_filter(density, size=3, mode="nearest")
+    for axis, count in enumerate(density.shape):
+        cells = min(count, _MAJORANT_CELLS)
+        # A cell of the coarse grid may begin and end within cells of the fine one: both belong to it.
+        first = np.arange(cells) * count // cells
+        last = -(-np.arange(1, cells + 1) * count // cells)
+        parts = [bound.take(range(a, b), axis=axis).max(axis=axis, keepdims=True) for a, b in zip(first, last, strict=True)]
+        bound = np.concatenate(parts, axis=axis)
+    return np.ascontiguousarray(bound)
