@@ -118,7 +118,7 @@ def run(report: Report) -> None:
         report.proof(name=f"{label}: share of pixels beyond 3 sigma", value=a.share, bound=bound, holds=a.share <= bound)
         bound = a.error_by_chance + limit * a.error_error
         report.proof(name=f"{label}: relative squared difference", value=a.error, bound=bound, holds=a.error <= bound)
-        _show(folder / f"{name.replace(', ', '_').replace(' ', '_')}.png", ours.mean(axis=0), theirs.mean(axis=0))
+        show(folder / f"{name.replace(', ', '_').replace(' ', '_')}.png", ours.mean(axis=0), theirs.mean(axis=0))
 
 
 def wet_street() -> tuple[Simulation, Camera]:
@@ -141,7 +141,7 @@ def pictures(mi: ModuleType, world: Simulation, view: Camera, samples: int) -> t
     return np.array(ours, np.float64), np.array(theirs, np.float64)
 
 
-def _show(path: Path, ours: NDArray, theirs: NDArray) -> None:
+def show(path: Path, ours: NDArray, theirs: NDArray) -> None:
     """Write ours, theirs, and four times their difference about grey, side by side."""
     panels = np.concatenate([ours, theirs, 0.214 + 4 * (ours - theirs)], axis=1 if ours.shape[1] < 200 else 0)
     write_image(path, panels, Encoding(".png", "uint8", 3, "srgb"))

@@ -19,6 +19,7 @@ from scene.camera import Camera
 from scene.mesh import Mesh, write_ply
 from scene.simulation import DirectionalLight, Film, Light, Material, PointLight, RectangleLight, Simulation, SphereLight
 
+from .mitsuba_media import medium
 from .mitsuba_surfaces import FILM, GLOSS, register
 from .world import compile_lights
 
@@ -48,7 +49,7 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
     ------
     InputError
         If the camera is no centred pinhole with square pixels, or a material cannot be said in Mitsuba's terms: opacity
-        textures, rough glass, and films whose surface is level while the ground is not.
+        textures, rough glass, and films whose surface is level while the ground is not; or the medium has no bounds.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -58,6 +59,11 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
         "integrator": {"type": "path", "max_depth": max_bounces + 1, "rr_depth": 5},
         "sensor": _sensor(mitsuba, camera),
     }
+    if simulation.medium is not None:
+        scene["integrator"]["type"] = "volpath"
+        scene["air"], inside = medium(mitsuba, simulation.medium, camera.position)
+        if inside is not None:
+            scene["sensor"]["medium"] = inside
     surfaces = {name: mitsuba.load_dict(_surface(mitsuba, name, m)) for name, m in simulation.materials.items()}
     for i, shape in enumerate(simulation.shapes):
         mesh = shape.mesh if shape.mesh.normals is not None else shape.mesh.with_smooth_normals()
