@@ -19,6 +19,9 @@ def distribution(folder: Path, name: str, *files: str) -> importlib.metadata.Dis
     info.mkdir()
     (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
     (info / "RECORD").write_text("".join(f"{file},,\n" for file in files))
+    for file in files:  # from Python 3.12 on, only files that exist are listed
+        (folder / file).parent.mkdir(parents=True, exist_ok=True)
+        (folder / file).touch()
     return importlib.metadata.Distribution.at(info)
 
 
