@@ -56,8 +56,25 @@ class DisparityFile:
 
 
 @dataclass(frozen=True)
+class DepthFile:
+    """True depth along the camera's z: metres = stored / scale (0, NaN or infinity = none)."""
+
+    file: Path
+    scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class BoxesFile:
+    """3-D boxes of the frame's objects (`scene.boxes`), the pose of their frame [m], and how many metres a unit is."""
+
+    file: Path
+    T_world_boxes: NDArray[np.float64]
+    unit: float = 1.0
+
+
+@dataclass(frozen=True)
 class Frame:
-    """One photograph and what was measured with it."""
+    """One photograph and what was measured with it; `flow` is the true one, to the recording's next frame."""
 
     image: Path
     camera: Camera
@@ -69,6 +86,9 @@ class Frame:
     stereo: StereoFile | None = None
     disparity: DisparityFile | None = None
     segmentation: Path | None = None
+    flow: Path | None = None
+    depth: DepthFile | None = None
+    boxes: BoxesFile | None = None
 
     @property
     def name(self) -> str:
@@ -157,9 +177,12 @@ def write_recording(path: str | Path, recording: Recording) -> None:
 def _common_unit(recording: Recording) -> tuple[str, float]:
     """Return the unit of all clouds, which the JSON then has: `m` without clouds."""
     units = {frame.points.unit for frame in recording.frames if frame.points is not None}
+    units |= {frame.boxes.unit for frame in recording.frames if frame.boxes is not None}
     units |= {recording.points_unit} if recording.points is not None else set()
     if len(units) > 1:
-        raise InputError("have one unit", got=sorted(units), key="all clouds of a recording", remedy="Convert some of them.")
+        raise InputError(
+            "have one unit", got=sorted(units), key="all clouds and boxes of a recording", remedy="Convert some of them."
+        )
     unit = units.pop() if units else 1.0
     return next(name for name, metres in _METRES.items() if metres == unit), unit
 
@@ -204,6 +227,15 @@ def _frame(f: FrameJson, key: str, root: Path, unit: float) -> Frame:
         file = _below(root, f.disparity.file, f"{key}.disparity.file")
         disparity = DisparityFile(file, f.disparity.scale, f.disparity.baseline * unit)
     segmentation = None if f.segmentation is None else _below(root, f.segmentation, f"{key}.segmentation")
+    flow = None if f.flow is None else _below(root, f.flow, f"{key}.flow")
+    depth = boxes = None
+    if f.depth is not None:
+        if not f.depth.scale > 0:
+            raise InputError("be positive", got=f.depth.scale, key=f"{key}.depth.scale")
+        depth = DepthFile(_below(root, f.depth.file, f"{key}.depth.file"), f.depth.scale / unit)
+    if f.boxes is not None:
+        pose = _pose(f.boxes.T_world_boxes, f"{key}.boxes.T_world_boxes", unit)
+        boxes = BoxesFile(_below(root, f.boxes.file, f"{key}.boxes.file"), pose, unit)
     return Frame(
         _below(root, f.image, f"{key}.image"),
         _camera(f.camera, f"{key}.camera", unit),
@@ -215,6 +247,9 @@ def _frame(f: FrameJson, key: str, root: Path, unit: float) -> Frame:
         stereo,
         disparity,
         segmentation,
+        flow,
+        depth,
+        boxes,
     )
 
 
@@ -290,4 +325,11 @@ def _frame_json(frame: Frame, root: Path, unit: float) -> dict[str, Any]:
         out["disparity"] = {"file": _relative(d.file, root), "scale": d.scale, "baseline": d.baseline / unit}
     if frame.segmentation is not None:
         out["segmentation"] = _relative(frame.segmentation, root)
+    if frame.flow is not None:
+        out["flow"] = _relative(frame.flow, root)
+    if frame.depth is not None:
+        out["depth"] = {"file": _relative(frame.depth.file, root), "scale": frame.depth.scale * unit}
+    if frame.boxes is not None:
+        pose = _pose_json(frame.boxes.T_world_boxes, unit)
+        out["boxes"] = {"file": _relative(frame.boxes.file, root), "T_world_boxes": pose}
     return out

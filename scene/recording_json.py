@@ -45,6 +45,16 @@ class DisparityJson(msgspec.Struct, forbid_unknown_fields=True):
     baseline: float
 
 
+class DepthJson(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    scale: float = 1.0
+
+
+class BoxesJson(msgspec.Struct, forbid_unknown_fields=True):
+    file: str
+    T_world_boxes: list[list[float]]
+
+
 class FrameJson(msgspec.Struct, forbid_unknown_fields=True):
     image: str
     camera: CameraJson
@@ -56,6 +66,9 @@ class FrameJson(msgspec.Struct, forbid_unknown_fields=True):
     stereo: StereoJson | None = None
     disparity: DisparityJson | None = None
     segmentation: str | None = None
+    flow: str | None = None
+    depth: DepthJson | None = None
+    boxes: BoxesJson | None = None
 
 
 class NoiseJson(msgspec.Struct, forbid_unknown_fields=True):

@@ -16,7 +16,7 @@ from materials.foundation.files import make_folder, replacing, write_json
 from materials.foundation.progress import logger, tracked
 from materials.foundation.settings import as_dict
 from scene.images import write_exr, write_raw
-from scene.recording import Frame
+from scene.recording import Frame, Recording, write_recording
 from scene.scene_file import Scene
 from scene.wetting.water import water_level
 from scene.wetting.wetting_patterns import puddle_pattern
@@ -56,7 +56,7 @@ def augment(
     settings : AugmentSettings
     folder : path
         Gets one folder per wetness (`w0.33/`), with `image/`, `layers/` and `label/`, what rain does not change
-        (`truth/`), and `augment.json`.
+        (`truth/`), `recording.json`, which makes a recording of the wet pictures and that truth, and `augment.json`.
 
     Returns
     -------
@@ -84,6 +84,7 @@ def augment(
     report: list[dict[str, Any]] = []
     gain = settings.sky_gain or estimate_sky_gain(scene, frames, normals, settings)
     logger.info("unseen sky at %.2f of its level", gain)
+    passed: dict[str, list[Frame]] = {}
     projected: ProjectedFrame | None = None
     for index in tracked(frames, "wetting frames", len(frames)):
         projected = project_frame(scene, index, projected, gain)
@@ -91,10 +92,12 @@ def augment(
         for w, name, water in zip(wetness, names, levels, strict=True):
             wet = wet_frame(projected, separation, np.clip(water, 0, 1), settings.seed, settings.bounces)
             _write_frame(folder / name, FrameResult(projected, separation, water, wet), settings)
-            _pass_truth(projected, folder / name / "truth")
+            passed.setdefault(name, []).append(_pass_truth(projected, folder / name, settings.format))
             report.append(_figures(projected, separation, wet, w))
     for w, name in zip(wetness, names, strict=True):
         used = replace(settings, sky_gain=gain)
+        wet = Recording(tuple(passed[name]), (folder / name).resolve(), f"{scene.name}, wetness {w:g}", noise=scene.recording.noise)
+        write_recording(folder / name / "recording.json", wet)
         write_json(folder / name / "augment.json", _record(scene, w, used, [r for r in report if r["wetness"] == w]))
     return report
 
@@ -246,17 +249,28 @@ def labels(result: FrameResult) -> dict[str, NDArray[np.uint8]]:
     }
 
 
-def _pass_truth(frame: ProjectedFrame, folder: Path) -> None:
-    """Copy the measurements that rain does not change, byte by byte."""
-    given = frame.frame
-    files = {
-        "mask": given.masks.file if given.masks else None,
-        "disparity": given.disparity.file if given.disparity else None,
-        "segmentation": given.segmentation,
-    }
-    for kind, file in files.items():
-        if file is not None:
-            _copy(file, folder / kind / f"{given.name}{file.suffix}")
+def _pass_truth(frame: ProjectedFrame, folder: Path, format: str) -> Frame:
+    """Copy the measurements that rain does not change, byte by byte; return the wet frame with them."""
+    given, folder = frame.frame, folder.resolve()
+
+    def passed(file: Path, kind: str) -> Path:
+        target = folder / "truth" / kind / f"{given.name}{file.suffix}"
+        _copy(file, target)
+        return target
+
+    return replace(
+        given,
+        image=folder / "image" / picture_name(given, format),
+        response="linear" if format == "exr" else frame.encoding.response,
+        points=None,  # rain weakens a scanner's returns
+        stereo=None,  # the second camera's picture is dry
+        masks=given.masks and replace(given.masks, file=passed(given.masks.file, "mask")),
+        disparity=given.disparity and replace(given.disparity, file=passed(given.disparity.file, "disparity")),
+        segmentation=given.segmentation and passed(given.segmentation, "segmentation"),
+        flow=given.flow and passed(given.flow, "flow"),
+        depth=given.depth and replace(given.depth, file=passed(given.depth.file, "depth")),
+        boxes=given.boxes and replace(given.boxes, file=passed(given.boxes.file, "boxes")),
+    )
 
 
 def _copy(source: Path, target: Path) -> None:

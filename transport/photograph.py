@@ -38,6 +38,8 @@ from .world import World, compile_world
 _VERSION = 1
 _SRGB = Encoding(".png", "uint8", 3, "srgb")
 _STAMP = "made.json"
+# Named anew when the measurements or the recording's keys change, so that an older folder gets them without new pictures.
+_MEASURED = "measurements with boxes"
 _MADE_FOLDERS = ("images", "masks", "points", "truth")
 
 
@@ -100,10 +102,11 @@ def photograph(
     identity = {"format": "street/1", "version": _VERSION, "street": as_dict(world.settings), "photograph": as_dict(settings)}
     key = hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()[:16]
     done = _open(folder, identity, key)
-    if "measurements" not in done:
+    if _MEASURED not in done:
+        (folder / "recording.json").unlink(missing_ok=True)
         with stage("measuring the street"):
             write_measurements(world, folder)
-        done = _note(folder, identity, key, done, "measurements")
+        done = _note(folder, identity, key, done, _MEASURED)
     noise = Noise(settings.read_sigma, settings.shot_gain)
     series: list[float | None] = [None, *wetness]
     for w in series:

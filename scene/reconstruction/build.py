@@ -16,6 +16,7 @@ from materials.foundation.files import make_folder, read_json, write_json
 from materials.foundation.progress import logger, tracked
 from materials.foundation.settings import as_dict
 
+from ..boxes import Box
 from ..grid import GroundGrid
 from ..images import read_exr, write_exr
 from ..mesh import Mesh, read_ply, write_ply
@@ -24,6 +25,7 @@ from ..recording import Recording, camera_json, read_recording
 from ..scene_file import Cardboard, Scene, Sky, read_scene, write_scene
 from ..sources.recording_copy import check_recording, copy_recording
 from ..transforms import transform_points
+from .boxed_objects import boxes_to_draw, with_box_masks, write_box_masks
 from .build_report import measure, write_report
 from .build_settings import BuildSettings
 from .cardboard import GroundCaster, cardboards
@@ -71,15 +73,17 @@ def build(recording: Recording, folder: str | Path, settings: BuildSettings | No
     stages = Stages(folder / ".stages")
     source = _source_digest(recording, offset)
 
-    copied = stages.run("recording", {"source": source}, lambda out: _copy(recording, out))
+    masked, boxes = _masked(recording, settings, source, stages)
+    copied = stages.run("recording", {"source": source, "masks": _digest(stages, "masks")}, lambda out: _copy(masked, out))
     cloud_inputs = {"source": source, "settings": _plain(settings, "cloud", "dynamics", "ground")}
     cloud_stage = stages.run("cloud", cloud_inputs, lambda out: _cloud(recording, settings, offset, out))
     surface_inputs = {"cloud": cloud_stage.digest, "settings": _plain(settings, "surface", "height_field")}
     ground_stage = stages.run("ground", surface_inputs, lambda out: _ground(cloud_stage, recording, settings, out))
     surface_inputs = {"cloud": cloud_stage.digest, "settings": _plain(settings, "surface")}
     environment_stage = stages.run("environment", surface_inputs, lambda out: _environment(cloud_stage, settings, out))
-    board_inputs = {"source": source, "ground": ground_stage.digest, "settings": _plain(settings, "cardboards")}
-    board_stage = stages.run("cardboards", board_inputs, lambda out: _boards(recording, ground_stage, settings, out))
+    board_inputs = {"copy": copied.digest, "source": source, "ground": ground_stage.digest}
+    board_inputs |= {"settings": _plain(settings, "cardboards")}
+    board_stage = stages.run("cardboards", board_inputs, lambda out: _boards(masked, boxes, ground_stage, settings, out))
     boards = _read_boards(board_stage)
     photos = read_recording(copied.folder / "recording" / "recording.json")
     geometry = {
@@ -132,6 +136,20 @@ def _describe(folder: Path, scene: Scene, cloud: Cloud, stages: Stages, board_st
     write_report(folder, report, previews)
 
 
+def _masked(recording: Recording, settings: BuildSettings, source: str, stages: Stages) -> tuple[Recording, list[dict[int, Box]]]:
+    """Return the recording with masks drawn from boxes, where it has boxes and no masks, and these boxes by their ids."""
+    if all(frame.boxes is None or frame.masks is not None for frame in recording.frames):
+        return recording, [{} for _ in recording.frames]
+    drawn = boxes_to_draw(recording, settings.dynamics)
+    inputs = {"source": source, "settings": _plain(settings, "dynamics")}
+    stage = stages.run("masks", inputs, lambda out: write_box_masks(recording, drawn, out))
+    return with_box_masks(recording, drawn, stage.folder), drawn
+
+
+def _digest(stages: Stages, name: str) -> str | None:
+    return stages.results[name].digest if name in stages.results else None
+
+
 def _copy(recording: Recording, out: Path) -> None:
     copy_recording(recording, out / "recording")
 
@@ -165,17 +183,17 @@ def _environment(stage: StageResult, settings: BuildSettings, out: Path) -> None
     write_ply(out / "environment.ply", reconstruct_environment(part.points_world, part.sensors_world, settings.surface))
 
 
-def _boards(recording: Recording, stage: StageResult, settings: BuildSettings, out: Path) -> None:
+def _boards(recording: Recording, boxes: list[dict[int, Box]], stage: StageResult, settings: BuildSettings, out: Path) -> None:
     frames, notes = [], []
     if any(frame.masks is not None for frame in recording.frames):
         caster = GroundCaster(read_ply(stage.folder / "ground.ply"))
-        for frame in tracked(recording.frames, "cardboards", len(recording.frames)):
+        for frame, given in tracked(zip(recording.frames, boxes, strict=True), "cardboards", len(recording.frames)):
             sweep = None
             if frame.points is not None and frame.masks is not None:
                 points = frame.points.unit * read_points(frame.points.file)[:, :3].astype(np.float64)
                 sweep = transform_points(frame.points.T_world_points, points)
             start = time.perf_counter()
-            boards, note = cardboards(frame, caster, sweep, settings.cardboards)
+            boards, note = cardboards(frame, caster, sweep, settings.cardboards, given)
             each = (time.perf_counter() - start) / max(len(note), 1)
             frames.append([{"instance": b.instance, "kind": b.kind, "corners_world": b.corners_world.tolist()} for b in boards])
             notes.append({str(id): value | {"seconds": each} for id, value in note.items()})
@@ -275,15 +293,17 @@ def _source_digest(recording: Recording, offset: NDArray[np.float64]) -> str:
     files: list[Path] = [] if recording.points is None else [recording.points]
     numbers: list[Any] = [offset.tolist(), recording.name, recording.points_unit]
     for frame in recording.frames:
-        parts = (frame.points, frame.masks, frame.disparity)
+        parts = (frame.points, frame.masks, frame.disparity, frame.depth, frame.boxes)
         files += [frame.image, *(part.file for part in parts if part is not None)]
         files += [frame.stereo.image] if frame.stereo else []
-        files += [frame.segmentation] if frame.segmentation else []
+        files += [file for file in (frame.segmentation, frame.flow) if file is not None]
         numbers.append([camera_json(frame.camera), frame.response, frame.exposure, frame.lights])
         numbers.append(frame.points and [frame.points.T_world_points.tolist(), frame.points.unit])
         numbers.append(frame.masks and [frame.masks.default_class, sorted((frame.masks.classes or {}).items())])
         numbers.append(frame.stereo and camera_json(frame.stereo.camera))
         numbers.append(frame.disparity and [frame.disparity.scale, frame.disparity.baseline])
+        numbers.append(frame.depth and frame.depth.scale)
+        numbers.append(frame.boxes and [frame.boxes.T_world_boxes.tolist(), frame.boxes.unit])
     return digest_of({"files": [(file.name, file_digest(file)) for file in files], "numbers": numbers})
 
 

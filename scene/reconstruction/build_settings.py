@@ -37,6 +37,10 @@ class DynamicsSettings:
     object_length: float = setting(
         8.0, "points this far behind the nearest point of a masked object still belong to it [m]", within="[0, 1000]"
     )
+    box_motion: float = setting(
+        0.5, "a 3-D box moves if its centre strays by more than this over the frames, unless its file says [m]", within="[0, 1000]"
+    )
+    box_margin: float = setting(0.15, "boxes of moving objects are widened by this before points are removed [m]", within="[0, 10]")
     free_space_margin: float = setting(
         0.3, "a beam must pass a point by this much to say that its place is free [m]", within="[0, 100]"
     )

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from ..boxes import Box
 from ..camera import Camera
 from ..mesh import Mesh
 from ..recording import Frame
@@ -56,7 +57,11 @@ class GroundCaster:
 
 
 def cardboards(
-    frame: Frame, ground: GroundCaster, sweep_world: Floats | None = None, settings: CardboardSettings | None = None
+    frame: Frame,
+    ground: GroundCaster,
+    sweep_world: Floats | None = None,
+    settings: CardboardSettings | None = None,
+    boxes_world: dict[int, Box] | None = None,
 ) -> tuple[tuple[Cardboard, ...], dict[int, dict[str, Any]]]:
     """Return the boards of a frame and how each was found.
 
@@ -67,13 +72,15 @@ def cardboards(
     ground : GroundCaster
     sweep_world : (N, 3) float, optional
         The frame's own sweep in the world, moving objects included [m].
+    boxes_world : dict of Box, optional
+        The 3-D boxes of instances, where there are some: they say best how an object stands.
 
     Returns
     -------
     boards : tuple of Cardboard
         In order of instance. Each covers its mask's projection, with `board_margin` to spare.
     notes : dict
-        Per instance `method` ("contacts", "sweep", "facing"), `depth` [m] and, where the sweep has enough points on it,
+        Per instance `method` ("contacts", "sweep", "facing", "box"), `depth` [m] and, where the sweep has enough points on it,
         `sweep_depth` [m], their median depth near the contact.
     """
     settings = settings or CardboardSettings()
@@ -87,14 +94,14 @@ def cardboards(
         assert frame.masks is not None
         kind = (frame.masks.classes or {}).get(id, frame.masks.default_class)
         seen = depth_of.get(id)
-        board, note = _board(frame.camera, inside, id, kind, ground, seen, settings)
+        board, note = _board(frame.camera, inside, id, kind, ground, seen, (boxes_world or {}).get(id), settings)
         if board is not None:
             boards.append(board)
             notes[id] = note
     return tuple(boards), notes
 
 
-def _board(camera: Camera, inside, id: int, kind: str, ground: GroundCaster, seen, settings: CardboardSettings):
+def _board(camera: Camera, inside, id: int, kind: str, ground: GroundCaster, seen, box: Box | None, settings: CardboardSettings):
     """Place one board: its vertical plane through `foot` along `along`, then its extent from the mask."""
     columns = np.flatnonzero(inside.any(axis=0))
     bottom = inside.shape[0] - np.argmax(inside[::-1, columns], axis=0)  # lower edges of the lowest pixels
@@ -124,6 +131,9 @@ def _board(camera: Camera, inside, id: int, kind: str, ground: GroundCaster, see
         foot = np.median(nearest, axis=0)
         if method == "contacts":
             along, method = _side(seen, facing), "sweep"
+    if box is not None:
+        foot, side = _nearest_side(camera, box)
+        along, method = (side if kind == "vehicle" else facing), "box"
     if foot is None:
         return None, note
     tilt = np.radians(settings.board_tilt_deg)
@@ -143,6 +153,21 @@ def _board(camera: Camera, inside, id: int, kind: str, ground: GroundCaster, see
     if depth > settings.board_range:
         return None, note
     return Cardboard(id, kind, corners), {"method": method, "depth": round(depth, 2), **note}
+
+
+def _nearest_side(camera: Camera, box: Box) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the middle of the lower edge of the box's side that the camera sees widest, and the edge's level direction."""
+    R, centre = box.T_boxes_object[:3, :3], box.T_boxes_object[:3, 3]
+    best, foot, along = -np.inf, centre, R[:, 0]
+    for normal, edge in ((0, 1), (1, 0)):
+        for sign in (-0.5, 0.5):
+            middle = centre + sign * box.size[normal] * R[:, normal] - 0.5 * box.size[2] * R[:, 2]
+            towards = camera.position - middle
+            seen = box.size[edge] * float(towards @ R[:, normal]) * np.sign(sign) / float(towards @ towards)
+            if seen > best:
+                best, foot, along = seen, middle, R[:, edge]
+    level = along * (1, 1, 0)
+    return foot, level / np.linalg.norm(level)
 
 
 def _contacts(columns: NDArray[np.integer], bottom: Floats, kind: str, cut: dict[str, bool]) -> NDArray[np.float64]:

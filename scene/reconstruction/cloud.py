@@ -17,6 +17,7 @@ from ..points import read_points, read_points_far
 from ..recording import Recording
 from ..transforms import transform_points
 from . import dynamics
+from .boxed_objects import in_boxes, moving_boxes
 from .build_settings import CloudSettings, DynamicsSettings, GroundSettings
 from .ground import split_ground
 
@@ -78,7 +79,9 @@ def moved(recording: Recording, offset: NDArray[np.float64]) -> Recording:
         stereo = frame.stereo and replace(
             frame.stereo, camera=frame.stereo.camera.moved_to(shift @ frame.stereo.camera.T_world_camera)
         )
-        return replace(frame, camera=frame.camera.moved_to(shift @ frame.camera.T_world_camera), points=points, stereo=stereo)
+        boxes = frame.boxes and replace(frame.boxes, T_world_boxes=shift @ frame.boxes.T_world_boxes)
+        camera = frame.camera.moved_to(shift @ frame.camera.T_world_camera)
+        return replace(frame, camera=camera, points=points, stereo=stereo, boxes=boxes)
 
     return replace(recording, frames=tuple(moved_frame(frame) for frame in recording.frames))
 
@@ -178,7 +181,8 @@ def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_setti
     if not frames:
         return empty, empty, np.zeros(0, np.uint8)
     sweeps, kept, owner = [], [], []
-    total = ego = far = masked = 0
+    total = ego = far = masked = boxed = 0
+    boxes = dict(zip((id(frame) for frame in recording.frames), moving_boxes(recording, dynamics_settings), strict=True))
     for index, frame in enumerate(tracked(frames, "sweeps", len(frames))):
         raw = np.float32(frame.points.unit) * read_points(frame.points.file)[:, :3]
         total += len(raw)
@@ -192,10 +196,14 @@ def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_setti
         world = transform_points(frame.points.T_world_points, raw.astype(np.float64))
         on_object = dynamics.on_masked_objects(world, frame, dynamics_settings)
         masked += int(on_object.sum())
+        in_box = in_boxes(world, boxes[id(frame)], dynamics_settings.box_margin) & ~on_object
+        boxed += int(in_box.sum())
+        on_object |= in_box
         kept.append(world[~on_object])
         owner.append(np.full(int((~on_object).sum()), index, np.int32))
     points, sweep = np.concatenate(kept), np.concatenate(owner)
     counts |= {"in sweeps": total, "ego vehicle removed": ego, "out of range removed": far, "on masked objects removed": masked}
+    counts |= {"in moving boxes removed": boxed} if any(boxes.values()) else {}
     if len(points) == 0:
         raise InputError("hold points beyond the vehicle itself", got="none", file=frames[0].points.file, key="the sweeps")
     places = np.array([frame.points.T_world_points[:3, 3] for frame in frames])

@@ -12,6 +12,9 @@ from materials.foundation.errors import InputError
 from materials.foundation.files import make_folder, replacing_folder
 from materials.foundation.progress import tracked
 
+from ..boxes import read_boxes
+from ..depth_files import read_depth
+from ..flow_files import read_flow
 from ..images import read_ids, read_raw
 from ..recording import Frame, Recording, read_recording, write_recording
 from .undistort import is_distorted, pinhole_of, undistort_ids, undistort_image
@@ -23,18 +26,19 @@ def check_recording(recording: Recording) -> None:
     Raises
     ------
     InputError
-        If an image, mask, disparity or segmentation is missing, damaged, or not of its camera's size; names the file
-        and both sizes. Also if a mask or segmentation has colours instead of ids.
+        If an image, mask, disparity, segmentation, flow or depth is missing, damaged, or not of its camera's size; names
+        the file and both sizes. Also if a mask or segmentation has colours instead of ids, or boxes break their format.
     """
     for index, frame in enumerate(tracked(recording.frames, "Checking images", len(recording.frames))):
         if is_distorted(frame.camera):
-            if frame.stereo is not None or frame.disparity is not None:
+            given = ("stereo", "disparity", "flow", "depth")
+            if named := [name for name in given if getattr(frame, name) is not None]:
                 raise InputError(
-                    "be PINHOLE where there is stereo or disparity, which belong to rectified images",
+                    f"be PINHOLE where there is {' or '.join(named)}, which belongs to images without distortion",
                     got="OPENCV with distortion",
                     file=recording.root,
                     key=f"frames[{index}].camera.model",
-                    remedy="Rectify the pair, or leave the stereo out.",
+                    remedy=f"Undistort the images, or leave the {' and '.join(named)} out.",
                 )
             try:
                 pinhole_of(frame.camera)
@@ -50,6 +54,12 @@ def check_recording(recording: Recording) -> None:
             _check(frame.disparity.file, size, what="disparity", ids=False)
         if frame.segmentation is not None:
             _check(frame.segmentation, size, what="segmentation", ids=True)
+        if frame.flow is not None:
+            _check_size(frame.flow, read_flow(frame.flow).size, size, "flow")
+        if frame.depth is not None:
+            _check_size(frame.depth.file, read_depth(frame.depth.file).shape[:2], size, "depth")
+        if frame.boxes is not None:
+            read_boxes(frame.boxes.file)
 
 
 def copy_recording(recording: Recording, folder: str | Path) -> Recording:
@@ -60,8 +70,8 @@ def copy_recording(recording: Recording, folder: str | Path) -> Recording:
     recording : Recording
         Any recording, from whatever files.
     folder : path
-        Gets `recording.json` and below it `image/`, `mask/`, `stereo/`, `disparity/`, `segmentation/`; an earlier folder
-        of this name is replaced as a whole, or kept as it was if anything fails. Files carry their frame's name.
+        Gets `recording.json` and below it a folder for each kind of file (`image/`, `mask/`, …); an earlier folder of this
+        name is replaced as a whole, or kept as it was if anything fails. Files carry their frame's name.
 
     Returns
     -------
@@ -121,6 +131,9 @@ def _copy_frame(frame: Frame, name: str, folder: Path) -> Frame:
         masks=None if masks is None else replace(masks, file=copied(masks.file, "mask")),
         disparity=None if disparity is None else replace(disparity, file=copied(disparity.file, "disparity")),
         segmentation=None if frame.segmentation is None else copied(frame.segmentation, "segmentation"),
+        flow=None if frame.flow is None else copied(frame.flow, "flow"),
+        depth=None if frame.depth is None else replace(frame.depth, file=copied(frame.depth.file, "depth")),
+        boxes=None if frame.boxes is None else replace(frame.boxes, file=copied(frame.boxes.file, "boxes")),
     )
 
 
@@ -135,7 +148,9 @@ def _undistorted(frame: Frame, name: str, folder: Path) -> Frame:
 
     image = folder / "image" / (name + frame.image.suffix)
     undistort_image(frame.image, image, camera, pinhole, frame.response)
-    masks, segmentation = frame.masks, frame.segmentation
+    masks, segmentation, boxes = frame.masks, frame.segmentation, frame.boxes
+    if boxes is not None:
+        boxes = replace(boxes, file=_copy(boxes.file, folder / "boxes" / (name + boxes.file.suffix)))
     return replace(
         frame,
         image=image,
@@ -143,6 +158,7 @@ def _undistorted(frame: Frame, name: str, folder: Path) -> Frame:
         points=None,
         masks=None if masks is None else replace(masks, file=straightened(masks.file, "mask")),
         segmentation=None if segmentation is None else straightened(segmentation, "segmentation"),
+        boxes=boxes,
     )
 
 
@@ -158,18 +174,21 @@ def _copy(source: Path, target: Path) -> Path:
 def _check(file: Path, size: tuple[int, int], what: str = "image", ids: bool | None = None) -> None:
     """Decode a file and compare its size (rows, columns); `ids` says whether it must hold whole numbers."""
     raw = read_ids(file) if ids else read_raw(file)
-    if raw.shape[:2] != size:
-        got = f"{raw.shape[1]} x {raw.shape[0]}"
-        raise InputError(
-            f"have the size of its camera, {size[1]} x {size[0]}",
-            got=got,
-            file=file,
-            key=f"the {what}",
-            remedy="Give the calibration of this size of image, or the images of this calibration.",
-        )
+    _check_size(file, raw.shape[:2], size, what)
     if ids is not None and raw.ndim != 2:
         raise InputError("have one channel", got=f"{raw.shape[2]}", file=file, key=f"the {what}", remedy="Save it as a grey PNG.")
     if ids and not np.issubdtype(raw.dtype, np.integer):
         raise InputError(
             "hold whole numbers (ids)", got=raw.dtype, file=file, key=f"the {what}", remedy="Save it as an 8- or 16-bit PNG."
+        )
+
+
+def _check_size(file: Path, got: tuple[int, ...], size: tuple[int, int], what: str) -> None:
+    if got != size:
+        raise InputError(
+            f"have the size of its camera, {size[1]} x {size[0]}",
+            got=f"{got[1]} x {got[0]}",
+            file=file,
+            key=f"the {what}",
+            remedy="Give the calibration of this size of image, or the images of this calibration.",
         )

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from materials.foundation.files import replacing, write_json
 from materials.foundation.progress import tracked
 
+from ..boxes import Box, write_boxes
 from ..flow_files import write_flow
 from ..images import write_exr, write_raw
-from ..recording import Frame, MaskFile, Noise, PointsFile, Recording, write_recording
+from ..recording import BoxesFile, DepthFile, Frame, MaskFile, Noise, PointsFile, Recording, write_recording
 from .drive import CLASSES
 from .lidar import LidarSettings, sweep, to_world
 from .truth import FrameTruth, frame_truth, ray_scene
@@ -24,7 +25,8 @@ def write_measurements(street: Street, folder: str | Path, lidar: LidarSettings 
 
     `points/NNNN.npz` (key `points`, scanner frame), `masks/NNNN.png` (0 = static), and below `truth/`: `depth/NNNN.exr`,
     `normal/NNNN.exr` (world), `flow/NNNN.npy` and `flow/NNNN.png` (KITTI's 16-bit form), `visible/NNNN.png`,
-    `static_cloud.npz` (all static points of all sweeps in the world) and `objects.json` (poses of the moving things).
+    `boxes/NNNN.json` (3-D boxes of the moving things in the world), `static_cloud.npz` (all static points of all sweeps in
+    the world) and `objects.json` (poses of the moving things).
 
     Parameters
     ----------
@@ -37,6 +39,7 @@ def write_measurements(street: Street, folder: str | Path, lidar: LidarSettings 
         last = frame == street.settings.frames - 1
         next_scene = None if last else ray_scene(street, frame + 1, scene)
         _write_truth(folder, frame, frame_truth(street, frame, scene, next_scene))
+        write_boxes(folder / "truth" / "boxes" / f"{frame:04d}.json", moving_boxes(street, frame))
         if street.settings.lidar:
             rng = np.random.default_rng([street.settings.seed, 100 + frame])
             turn = sweep(scene, street.scanner_poses[frame], rng, lidar)
@@ -54,12 +57,35 @@ def write_street_recording(street: Street, folder: str | Path, noise: Noise | No
     folder = Path(folder).resolve()
     frames = []
     for frame, camera in enumerate(street.cameras):
-        points = PointsFile(folder / "points" / f"{frame:04d}.npz", street.scanner_poses[frame]) if street.settings.lidar else None
-        masks = MaskFile(folder / "masks" / f"{frame:04d}.png", "vehicle", CLASSES)
-        frames.append(Frame(folder / image.format(frame), camera, "srgb", 1.0, None, points, masks))
+        name, truth = f"{frame:04d}", folder / "truth"
+        points = PointsFile(folder / "points" / f"{name}.npz", street.scanner_poses[frame]) if street.settings.lidar else None
+        frames.append(
+            Frame(
+                folder / image.format(frame),
+                camera,
+                "srgb",
+                points=points,
+                masks=MaskFile(folder / "masks" / f"{name}.png", "vehicle", CLASSES),
+                flow=truth / "flow" / f"{name}.npy" if frame + 1 < len(street.cameras) else None,
+                depth=DepthFile(truth / "depth" / f"{name}.exr"),
+                boxes=BoxesFile(truth / "boxes" / f"{name}.json", np.eye(4)),
+            )
+        )
     recording = Recording(tuple(frames), folder, "street", None, noise)
     write_recording(folder / "recording.json", recording)
     return recording
+
+
+def moving_boxes(street: Street, frame: int) -> tuple[Box, ...]:
+    """Return the boxes of what moves, about all its triangles, in the world."""
+    boxes = []
+    for instance, shapes in street.moving.items():
+        vertices = np.concatenate([shape.mesh.vertices for shape in shapes]).astype(np.float64)
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        T_object_box = np.eye(4)
+        T_object_box[:3, 3] = (low + high) / 2
+        boxes.append(Box(str(instance), CLASSES[instance], street.poses[frame][instance] @ T_object_box, high - low, True))
+    return tuple(boxes)
 
 
 def _write_truth(folder: Path, frame: int, truth: FrameTruth) -> None:

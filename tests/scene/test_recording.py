@@ -31,6 +31,9 @@ FULL: dict[str, Any] = {
             "stereo": {"image": "right.png", "camera": CAMERA},
             "disparity": {"file": "disparity.png", "scale": 256.0, "baseline": 0.5},
             "segmentation": "classes.png",
+            "flow": "flow.flo",
+            "depth": {"file": "depth.png", "scale": 256.0},
+            "boxes": {"file": "boxes.json", "T_world_boxes": POSE},
         },
         {"image": "images/1.png", "camera": {**CAMERA, "model": "OPENCV", "k1": -0.3, "k2": 0.1, "p1": 0.001, "p2": 0.002}},
         {
@@ -49,6 +52,9 @@ FILES = (
     "right.png",
     "disparity.png",
     "classes.png",
+    "flow.flo",
+    "depth.png",
+    "boxes.json",
 )
 
 
@@ -85,6 +91,9 @@ def test_everything_that_a_recording_can_say_is_read(folder):
     assert first.points is not None and first.masks is not None and first.stereo is not None and first.disparity is not None
     assert first.masks.classes == {3: "pedestrian"}
     assert first.disparity.baseline == 0.5
+    assert first.flow == (folder / "flow.flo").resolve()
+    assert first.depth is not None and first.depth.scale == 256.0
+    assert first.boxes is not None and np.allclose(first.boxes.T_world_boxes, POSE)
     assert (second.camera.model, second.camera.k1, second.exposure, second.lights) == ("OPENCV", -0.3, 1.0, None)
     assert (third.camera.pixel_size, third.camera.cx, third.camera.cy) == (0.01, 2.0, 1.5)  # the centre by default
 
@@ -96,6 +105,7 @@ def test_a_recording_written_and_read_again_is_the_same(folder):
     write_recording(folder / "third.json", again)
     assert (folder / "again.json").read_bytes() == (folder / "third.json").read_bytes()
     assert again.frames[0].masks == recording.frames[0].masks
+    assert (again.frames[0].flow, again.frames[0].depth) == (recording.frames[0].flow, recording.frames[0].depth)
     assert np.array_equal(again.frames[1].camera.T_world_camera, recording.frames[1].camera.T_world_camera)
 
 
@@ -110,6 +120,8 @@ def test_lengths_in_millimetres_become_metres(folder):
     assert recording.frames[2].camera.pixel_size == pytest.approx(1e-5)
     assert recording.frames[0].disparity is not None and recording.frames[0].disparity.baseline == pytest.approx(5e-4)
     assert recording.frames[0].camera.fx == 210.0  # pixels stay pixels
+    assert recording.frames[0].depth is not None and recording.frames[0].depth.scale == pytest.approx(256_000)
+    assert recording.frames[0].boxes is not None and recording.frames[0].boxes.unit == 0.001
 
 
 def test_a_cloud_is_in_the_unit_of_its_recording_and_written_so_again(folder):
@@ -159,6 +171,9 @@ def test_frames_can_be_selected(folder):
         (("points",), "none.ply", "points must name a file that exists"),
         (("frames", 0, "masks", "classes"), {"car": "vehicle"}, r"frames\[0\]\.masks\.classes must have instance numbers as keys"),
         (("frames", 0, "disparity", "scale"), 0.0, r"frames\[0\]\.disparity\.scale must be positive"),
+        (("frames", 0, "depth", "scale"), -1.0, r"frames\[0\]\.depth\.scale must be positive"),
+        (("frames", 0, "flow"), "none.flo", r"frames\[0\]\.flow must name a file that exists"),
+        (("frames", 0, "boxes", "T_world_boxes", 1, 1), 9.0, r"frames\[0\]\.boxes\.T_world_boxes must be a rigid pose"),
         (("noise", "read_sigma"), -1.0, r"noise\.read_sigma must be at least 0"),
     ],
 )

@@ -88,6 +88,24 @@ def test_one_command_makes_a_whole_scene(built):
     assert report["ground_coverage"]["within 3 m"] > 0.95
 
 
+def test_boxes_serve_where_there_are_no_masks(drive, tmp_path):
+    shutil.copytree(drive, tmp_path / "drive")
+    data = json.loads((drive / "recording.json").read_text())
+    for index, frame in enumerate(data["frames"]):
+        del frame["masks"]
+        z = float(street_height(np.array([10.0 + 4 * index]), np.array([0.0]))[0])
+        box = {"track": 4, "class": "Car", "centre": [10.0 + 4 * index, 0.0, z + 0.8], "size": [4.2, 1.8, 1.6]}
+        (tmp_path / "drive" / f"boxes{index}.json").write_text(json.dumps({"format": "boxes/1", "boxes": [box]}))
+        frame["boxes"] = {"file": f"boxes{index}.json", "T_world_boxes": np.eye(4).tolist()}
+    (tmp_path / "drive" / "recording.json").write_text(json.dumps(data))
+    assert main([str(tmp_path / "drive"), "-o", str(tmp_path / "scene"), "--quiet", *SMALL]) == 0
+    scene = read_scene(tmp_path / "scene")
+    for index, (frame, (board,)) in enumerate(zip(scene.recording.frames, scene.cardboards, strict=True)):
+        assert frame.masks is not None and frame.masks.classes == {1: "vehicle"} and frame.boxes is not None
+        # The car ahead shows its back, 2.1 m before its centre.
+        assert np.allclose(board.corners_world[:, 0], 7.9 + 4 * index, atol=1e-6)
+
+
 def test_a_second_run_keeps_every_stage(drive, built, capsys):
     before = {path: path.stat().st_mtime_ns for path in built.rglob("*") if path.is_file()}
     assert main([str(drive), "-o", str(built), *SMALL]) == 0

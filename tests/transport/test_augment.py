@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from scene.images import Encoding, decode, read_exr, read_raw, write_raw
+from scene.boxes import Box, write_boxes
+from scene.flow_files import write_flow
+from scene.images import Encoding, decode, read_exr, read_raw, write_exr, write_raw
+from scene.recording import BoxesFile, DepthFile, read_recording
 from scene.scene_file import write_scene
 from transport.augment import AugmentSettings, augment
 from transport.cli import main
@@ -109,6 +113,31 @@ def test_masks_pass_through_unchanged(tmp_path):
     given = scene.recording.frames[0].masks
     assert given is not None
     assert (tmp_path / "out" / "w1.00" / "truth" / "mask" / "0000.png").read_bytes() == given.file.read_bytes()
+
+
+def test_truth_passes_through_into_a_recording_of_the_wet_pictures(tmp_path):
+    scene = plain_street(tmp_path / "in", views=[camera(width=80, height=34)])
+    files = tmp_path / "in" / "recording"
+    write_flow(files / "flow.flo", np.full((34, 80, 2), 1.5, np.float32))
+    write_exr(files / "depth.exr", {"depth.Z": np.full((34, 80), 7.0, np.float32)})
+    write_boxes(files / "boxes.json", (Box("1", "Car", np.eye(4), np.ones(3)),))
+    T = np.eye(4)
+    T[0, 3] = 5.0
+    frame = replace(
+        scene.recording.frames[0],
+        flow=files / "flow.flo",
+        depth=DepthFile(files / "depth.exr"),
+        boxes=BoxesFile(files / "boxes.json", T),
+    )
+    scene = replace(scene, recording=replace(scene.recording, frames=(frame,)))
+    augment(scene, [0], [1.0], AugmentSettings(samples=2), tmp_path / "out")
+    wet = read_recording(tmp_path / "out" / "w1.00").frames[0]
+    assert wet.image == tmp_path / "out" / "w1.00" / "image" / "0000.png" and wet.response == "srgb"
+    assert wet.flow is not None and wet.depth is not None and wet.boxes is not None
+    for old, new in ((frame.flow, wet.flow), (frame.depth.file, wet.depth.file), (frame.boxes.file, wet.boxes.file)):
+        assert new.read_bytes() == old.read_bytes() and new.is_relative_to(tmp_path / "out" / "w1.00" / "truth")
+    assert np.array_equal(wet.boxes.T_world_boxes, T)
+    assert np.array_equal(wet.camera.T_world_camera, frame.camera.T_world_camera)
 
 
 @pytest.mark.parametrize(

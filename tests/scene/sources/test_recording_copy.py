@@ -10,18 +10,31 @@ import numpy as np
 import pytest
 
 from materials.foundation.errors import InputError
+from scene.boxes import Box, write_boxes
 from scene.camera import Camera
+from scene.flow_files import write_flow
 from scene.points import write_points
-from scene.recording import DisparityFile, Frame, MaskFile, PointsFile, Recording, StereoFile
+from scene.recording import BoxesFile, DepthFile, DisparityFile, Frame, MaskFile, PointsFile, Recording, StereoFile
 from scene.sources.recording_copy import check_recording, copy_recording, unique_names
 
 WIDTH, HEIGHT = 24, 16
+POSE = np.array([[0, -1, 0, 1], [1, 0, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1.0]])
 
 
 def picture(file: Path, width: int = WIDTH, height: int = HEIGHT, channels: int = 3) -> Path:
     file.parent.mkdir(parents=True, exist_ok=True)
     shape = (height, width, 3) if channels == 3 else (height, width)
     cv2.imwrite(str(file), np.random.default_rng(len(str(file))).integers(0, 255, shape, dtype=np.uint8))
+    return file
+
+
+def flow_file(file: Path, width: int = WIDTH) -> Path:
+    write_flow(file, np.zeros((HEIGHT, width, 2), np.float32))
+    return file
+
+
+def box_file(file: Path) -> Path:
+    write_boxes(file, (Box("1", "Car", np.eye(4), np.ones(3)),))
     return file
 
 
@@ -41,6 +54,9 @@ def recording(tmp_path: Path) -> Recording:
                 stereo=StereoFile(picture(root / "second" / f"{side}.png"), camera),
                 disparity=DisparityFile(picture(root / "disparity" / f"{side}.png", channels=1), 256.0, 0.5),
                 segmentation=picture(root / "classes" / f"{side}.png", channels=1),
+                flow=flow_file(root / "flow" / f"{side}.flo"),
+                depth=DepthFile(picture(root / "depth" / f"{side}.png", channels=1), 256.0),
+                boxes=BoxesFile(box_file(root / "boxes" / f"{side}.json"), POSE),
             )
         )
     return Recording(tuple(frames), root, "drive", root / "sweep.bin")
@@ -59,14 +75,23 @@ def test_a_copy_holds_the_same_bytes_below_one_folder(recording: Recording, tmp_
         assert new.disparity
         assert old.segmentation
         assert new.segmentation
+        assert old.flow
+        assert new.flow
+        assert old.depth
+        assert new.depth
+        assert old.boxes
+        assert new.boxes
         pairs = [(old.image, new.image), (old.masks.file, new.masks.file), (old.stereo.image, new.stereo.image)]
         pairs += [(old.disparity.file, new.disparity.file), (old.segmentation, new.segmentation)]
+        pairs += [(old.flow, new.flow), (old.depth.file, new.depth.file), (old.boxes.file, new.boxes.file)]
         for a, b in pairs:
             assert a.read_bytes() == b.read_bytes()
             assert b.is_relative_to(tmp_path / "scene" / "recording")
         assert new.points is None
         assert (new.masks.default_class, new.masks.classes) == ("pedestrian", {3: "vehicle"})
         np.testing.assert_array_equal(new.camera.T_world_camera, old.camera.T_world_camera)
+        np.testing.assert_array_equal(new.boxes.T_world_boxes, POSE)
+        assert new.depth.scale == 256.0
 
 
 def test_a_second_copy_replaces_the_first_and_a_failed_one_leaves_it(recording: Recording, tmp_path: Path) -> None:
@@ -98,12 +123,35 @@ def test_a_cloud_without_pictures_keeps_its_points(recording: Recording, tmp_pat
     assert copy.points.read_bytes() == (recording.root / "sweep.bin").read_bytes()
 
 
-@pytest.mark.parametrize("kind", ["image", "masks", "stereo", "disparity", "segmentation"])
+@pytest.mark.parametrize("kind", ["image", "masks", "stereo", "disparity", "segmentation", "depth"])
 def test_a_picture_of_another_size_is_named_with_both_sizes(recording: Recording, kind: str) -> None:
     value = getattr(recording.frames[1], kind)
     file = value if isinstance(value, Path) else getattr(value, "file", None) or value.image
     picture(file, WIDTH + 1, HEIGHT, channels=3 if kind in ("image", "stereo") else 1)
     with pytest.raises(InputError, match=rf"{file.name}.*24 x 16, got 25 x 16"):
+        check_recording(recording)
+
+
+def test_a_flow_of_another_size_is_named_with_both_sizes(recording: Recording) -> None:
+    assert recording.frames[1].flow
+    flow_file(recording.frames[1].flow, WIDTH + 1)
+    with pytest.raises(InputError, match=r"right.flo: the flow .*24 x 16, got 25 x 16"):
+        check_recording(recording)
+
+
+@pytest.mark.parametrize("kind", ["flow", "depth", "disparity"])
+def test_truth_of_straight_pictures_beside_bent_ones_is_refused(recording: Recording, kind: str) -> None:
+    names = ("stereo", "disparity", "flow", "depth")
+    bent = replace(recording.frames[0].camera, model="OPENCV", k1=-0.1)
+    frame = replace(recording.frames[0], camera=bent, **{name: None for name in names if name != kind})
+    with pytest.raises(InputError, match=rf"frames\[0\].camera.model must be PINHOLE where there is {kind}, which"):
+        check_recording(replace(recording, frames=(frame,)))
+
+
+def test_boxes_that_break_their_format_are_named_before_work_starts(recording: Recording) -> None:
+    assert recording.frames[1].boxes
+    recording.frames[1].boxes.file.write_text("{}")
+    with pytest.raises(InputError, match=r"right.json: format must be given"):
         check_recording(recording)
 
 

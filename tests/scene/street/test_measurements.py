@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from scene.depth_files import read_depth
 from scene.flow_files import read_flow
 from scene.images import read_exr, read_raw
 from scene.recording import Noise, read_recording
 from scene.street import Street
 from scene.street.drive import AHEAD, CLASSES
 from scene.street.lidar import LidarSettings, sweep
-from scene.street.measurements import write_measurements, write_street_recording
+from scene.street.measurements import moving_boxes, write_measurements, write_street_recording
 from scene.street.rays import RayScene
 from scene.street.truth import FrameTruth, frame_truth, ray_scene
 from scene.transforms import invert, transform_points
@@ -148,3 +149,29 @@ def test_a_written_recording_reads_back_whole(small_street: Street, truth: Frame
     np.testing.assert_array_equal(stored.flow[stored.valid], truth.flow[stored.valid])
     np.testing.assert_array_equal(stored.valid, np.isfinite(truth.flow).all(axis=-1))
     assert not (tmp_path / "truth" / "flow" / "0002.npy").exists()
+    assert first.flow is not None and recording.frames[2].flow is None
+    np.testing.assert_array_equal(read_flow(first.flow).flow, stored.flow)
+    assert first.depth is not None and np.array_equal(np.isfinite(read_depth(first.depth.file)), np.isfinite(truth.depth))
+
+
+def test_boxes_enclose_what_moves_and_nothing_more(small_street: Street, truth: FrameTruth):
+    boxes = {box.track: box for box in moving_boxes(small_street, 0)}
+    assert {box.kind for box in boxes.values()} == {"vehicle", "pedestrian"} and all(box.moving for box in boxes.values())
+    camera = small_street.cameras[0]
+    origins, rays = camera.rays(camera.pixel_centres())
+    along = truth.depth.ravel() / (rays @ camera.T_world_camera[:3, 2])
+    for instance in np.unique(truth.instance[truth.instance > 0]):
+        seen = truth.instance.ravel() == instance
+        box = boxes[str(instance)]
+        points = origins[seen] + along[seen, None] * rays[seen]
+        # float32 depths at 30 m: 2 micrometres; a soles' lowest edge may lie on the box's own face.
+        assert box.moved_by(lifted(1e-4)).contains(points, 1e-3).all() or box.moved_by(lifted(-1e-4)).contains(points, 1e-3).all()
+        on = np.concatenate([s.mesh.vertices for s in small_street.moving_shapes(0) if s.instance == instance])
+        local = transform_points(invert(box.T_boxes_object), on.astype(np.float64))
+        np.testing.assert_allclose(np.ptp(local, axis=0), box.size, atol=1e-4)
+
+
+def lifted(height: float) -> np.ndarray:
+    T = np.eye(4)
+    T[2, 3] = height
+    return T
