@@ -1,4 +1,4 @@
-"""Media for the tracer: fog in a box or everywhere, thinning with height, or of any density on a grid."""
+"""Media for the tracer: fog in a box or everywhere, thinning with height, of any density on a grid, or spray over a ground."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from materials.foundation.checks import check_finite, check_range, check_shape, 
 from materials.foundation.errors import InputError
 from materials.phase import droplets, henyey_greenstein
 from scene.simulation import Medium
+from scene.wetting.spray import Spray
 
 from .kernels import media as kernel
 from .kernels.media import MediumArrays
 
-__all__ = ["MediumArrays", "compile_medium", "transmittance"]
+__all__ = ["MediumArrays", "compile_medium", "compile_spray", "transmittance"]
 
 # Cells of the grid of bounds per axis, at most: walking costs per cell, loose bounds cost per tentative collision.
 _MAJORANT_CELLS = 16
@@ -59,6 +60,37 @@ def compile_medium(medium: Medium) -> MediumArrays:
         float(medium.base_z),
         density,
         majorant,
+        np.zeros((1, 1), np.float32),
+        np.array([0.0, 0.0, 1.0]),
+        np.array([1.0, 0.0, 1.0, 0.0]),
+        np.uint64(0),
+    )
+
+
+def compile_spray(spray: Spray) -> MediumArrays:
+    """Return spray and mist over a ground as the kernels take them.
+
+    Examples
+    --------
+    Give it to a world that has been compiled: `dataclasses.replace(world, medium=compile_spray(spray))`.
+    """
+    low, high = spray.box()
+    settings = spray.settings
+    return MediumArrays(
+        kernel.SPRAY,
+        spray.sigma,
+        np.full(3, settings.albedo),
+        np.array(droplets(settings.droplet_diameter_um), np.float64),
+        low,
+        high,
+        settings.scale_height,
+        0.0,
+        np.zeros((1, 1, 1), np.float32),
+        spray.upper_bounds(),
+        spray.ground,
+        spray.frame,
+        spray.noise,
+        spray.seed_bits,
     )
 
 

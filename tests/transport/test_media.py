@@ -12,9 +12,12 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from materials.foundation.errors import InputError
+from scene.grid import GroundGrid
 from scene.simulation import EnvironmentLight, Material, Medium, PointLight, Shape, Simulation, SphereLight
+from scene.wetting.spray import spray_over
+from scene.wetting.spray_settings import SpraySettings
 from tests.transport.worlds import WHITE, camera, floor, mean_and_error, rectangle
-from transport.media import compile_medium, transmittance
+from transport.media import compile_medium, compile_spray, transmittance
 from transport.render import render
 from transport.world import compile_world
 
@@ -171,6 +174,26 @@ def test_fog_does_not_depend_on_the_number_of_threads():
     finally:
         numba.set_num_threads(threads)
     np.testing.assert_array_equal(*one)
+
+
+def test_spray_lets_through_what_the_integral_of_eq_6_6_says():
+    grid = GroundGrid(-10.0, -10.0, 0.5, 40, 120)
+    height = (0.05 * grid.centres()[0] + 0.2 * np.sin(grid.centres()[1])).astype(np.float32)
+    o, d = np.array([-8.0, 0.0, 1.1]), np.array([0.99, 0.1, 0.0])
+    d /= np.linalg.norm(d)
+    t = (np.arange(60_000) + 0.5) / 60_000 * 60
+    for contrast in (0.0, 0.5):
+        spray = spray_over(height, grid, 1.0, SpraySettings(contrast=contrast, margin=20), seed=3)
+        exact = math.exp(-np.mean(spray.extinction(o + t[:, None] * d)) * 60)
+        many = transmittance(compile_spray(spray), np.tile(o, (64, 1)), np.tile(d, (64, 1)), np.full(64, 60.0), samples=256)
+        assert abs(many.mean() - exact) < Z * many.std(ddof=1) / 8
+
+
+def test_white_ground_below_spray_cannot_be_seen_in_an_even_sky():
+    ground = Shape("ground", floor(400), "white")
+    spray = spray_over(np.zeros((40, 40), np.float32), GroundGrid(-10, -10, 0.5, 40, 40), 1.0, SpraySettings(view_distance=5))
+    lit = replace(air(None, SKY, ground, white=Material("lambert", WHITE)), medium=compile_spray(spray))
+    assert_equals(render(lit, camera((0, -6, 1), (0, 0, 1), 12, 12, 20), samples=64, max_bounces=512), 1.0)
 
 
 @pytest.mark.parametrize(

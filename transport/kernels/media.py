@@ -14,11 +14,12 @@ import numpy as np
 from numba import njit
 
 from materials.kernels.phase import Phase
+from scene.kernels import spray
 
 from .emitters import FAR
 from .sampler import hash2
 
-EVEN, HEIGHT, GRID = 0, 1, 2
+EVEN, HEIGHT, GRID, SPRAY = 0, 1, 2, 3
 _TO_UNIT = 2.0**-32
 
 
@@ -26,7 +27,8 @@ class MediumArrays(NamedTuple):
     """A medium in a box (infinite bounds: everywhere).
 
     EVEN has `sigma_t` in all of it; HEIGHT sigma_t exp(-(z - base_z) / scale_height); GRID sigma_t times `density`, whose
-    (nz, ny, nx) values stand at the centres of as many cells of the box, trilinear between them.
+    (nz, ny, nx) values stand at the centres of as many cells of the box, trilinear between them; SPRAY sigma_t times
+    `scene.kernels.spray.density`.
     """
 
     kind: int
@@ -39,6 +41,10 @@ class MediumArrays(NamedTuple):
     base_z: float
     density: Any  # (nz, ny, nx) float32
     majorant: Any  # (mz, my, mx) float32, upper bounds of the extinction in the cells of the box [1/m]
+    ground: Any  # (rows, cols) float32, height of the ground below spray [m]
+    ground_frame: Any  # (3,) float64: x_min, y_min and cell of `ground`
+    noise: Any  # (4,) float64: scale, exponent, octaves and contrast of spray
+    seed: Any  # uint64, of that noise
 
 
 @njit(cache=True)
@@ -116,6 +122,8 @@ def _cell(x, count):
 @njit(cache=True, error_model="numpy")
 def extinction(medium, p):
     """Return the extinction at a point of the box of a medium that is tracked [1/m]."""
+    if medium.kind == SPRAY:
+        return medium.sigma_t * spray.density(p, medium.ground, medium.ground_frame, medium.scale_height, medium.noise, medium.seed)
     q = medium.density
     k0, k1, w = _cell((p[2] - medium.low[2]) / (medium.high[2] - medium.low[2]), q.shape[0])
     j0, j1, v = _cell((p[1] - medium.low[1]) / (medium.high[1] - medium.low[1]), q.shape[1])

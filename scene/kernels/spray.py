@@ -1,0 +1,71 @@
+"""Density of spray and mist at a point: exponential in height above the ground, times noise (eq 6.6)."""
+
+import math
+
+import numpy as np
+from numba import njit, prange
+
+from .noise import spectral_3d
+
+
+@njit(cache=True, error_model="numpy")
+def ground_height(ground, frame, x, y):
+    """Return the height of the ground map (rows, cols) at a place, bilinear, clamped; `frame` is (x_min, y_min, cell)."""
+    rows, cols = ground.shape
+    v = min(max((y - frame[1]) / frame[2] - 0.5, 0.0), rows - 1.0)
+    u = min(max((x - frame[0]) / frame[2] - 0.5, 0.0), cols - 1.0)
+    r, c = int(v), int(u)
+    r1, c1 = min(r + 1, rows - 1), min(c + 1, cols - 1)
+    v, u = v - r, u - c
+    near = ground[r, c] * (1.0 - u) + ground[r, c1] * u
+    far = ground[r1, c] * (1.0 - u) + ground[r1, c1] * u
+    return near * (1.0 - v) + far * v
+
+
+@njit(cache=True, error_model="numpy")
+def unevenness(p, noise, seed):
+    """Return P of eq 6.6 at a point: mean 1, within [0, 2]; `noise` is (scale, exponent, octaves, contrast).
+
+    Cut off at both ends alike: as the noise is as often above 0 as below, the mean remains 1.
+    """
+    if noise[3] == 0.0:
+        return 1.0
+    n = spectral_3d(p[0], p[1], p[2], noise[0], noise[1], int(noise[2]), seed)
+    return min(max(1.0 + noise[3] * n, 0.0), 2.0)
+
+
+@njit(cache=True, error_model="numpy")
+def density(p, ground, frame, scale_height, noise, seed):
+    """Return P exp(-d / scale height) at a point; below the ground d is 0."""
+    d = max(p[2] - ground_height(ground, frame, p[0], p[1]), 0.0)
+    return math.exp(-d / scale_height) * unevenness(p, noise, seed)
+
+
+@njit(cache=True, parallel=True)
+def density_many(points, ground, frame, scale_height, noise, seed, out):
+    """Loop over `density`; points (N, 3), out (N,)."""
+    for i in prange(len(points)):
+        p = (points[i, 0], points[i, 1], points[i, 2])
+        out[i] = density(p, ground, frame, scale_height, noise, seed)
+
+
+@njit(cache=True, parallel=True, error_model="numpy")
+def upper_bounds(ground, frame, scale_height, largest, low, size, out):
+    """Fill (nz, ny, nx) with the largest density that cells of a box may hold; `low` its corner, `size` (x, y, z) of a cell."""
+    nz, ny, nx = out.shape
+    rows, cols = ground.shape
+    for j in prange(ny):
+        # All nodes that are interpolated into the cell; rounding may put a point a hair outside of it.
+        v0 = (low[1] + j * size[1] - frame[1]) / frame[2] - 0.5
+        r0, r1 = math.floor(v0 - 1e-3), math.ceil(v0 + size[1] / frame[2] + 1e-3)
+        for i in range(nx):
+            u0 = (low[0] + i * size[0] - frame[0]) / frame[2] - 0.5
+            c0, c1 = math.floor(u0 - 1e-3), math.ceil(u0 + size[0] / frame[2] + 1e-3)
+            top = -math.inf
+            for r in range(min(max(r0, 0), rows - 1), min(max(r1, 0), rows - 1) + 1):
+                for c in range(min(max(c0, 0), cols - 1), min(max(c1, 0), cols - 1) + 1):
+                    top = max(top, ground[r, c])
+            for k in range(nz):
+                d = max(low[2] + k * size[2] - top, 0.0)
+                # The share on top covers what float32 rounds off.
+                out[k, j, i] = np.float32(1.00001 * largest * math.exp(-d / scale_height))
