@@ -84,5 +84,5 @@ def test_the_copy_in_a_scene_has_pinhole_cameras(tmp_path: Path) -> None:
 def test_disparity_of_a_distorted_camera_is_refused(tmp_path: Path) -> None:
     write_raw(tmp_path / "0.png", np.zeros((90, 160), np.uint8))
     frame = Frame(tmp_path / "0.png", BARREL, disparity=DisparityFile(tmp_path / "0.png", 256.0, 0.5))
-    with pytest.raises(InputError, match=r"frames\[0\]\.camera\.model must be PINHOLE where there is stereo or disparity"):
+    with pytest.raises(InputError, match=r"frames\[0\]\.camera\.model must be PINHOLE where there is disparity"):
         check_recording(Recording((frame,), tmp_path))
