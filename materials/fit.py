@@ -12,44 +12,26 @@ nonlinear parameters. Kraft (1988), A Software Package for Sequential Quadratic 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .abrdf import ABRDF
 from .fit_problem import KINDS, Problem
+from .fit_settings import FitSettings
 from .foundation.errors import InputError
 from .foundation.progress import tracked
-from .foundation.settings import check_settings, setting
+
+__all__ = ["FitSettings", "TexelFit", "estimate_normal", "fit", "fit_texel", "fit_where_possible"]
 
 Floats = NDArray[np.float64]
+Fitted = TypeVar("Fitted")
 _MAIN, _OFF, _ANY = (0.1, 0.5), (0.5, 0.95), (0.02, 1.0)
 _MAX_TILT = math.radians(45)
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How a BRDF is fitted."""
-
-    model: str = setting("ct", "BRDF: ct (Cook-Torrance), ward, phong, ggx", choices=("ct", "ward", "phong", "ggx"))
-    normals: bool = setting(False, "estimate a normal per texel first (eq. 5.3)")
-    constrained: bool = setting(True, "the two-step fit with bounds of 5.3.4; else all angles at once, free")
-    lobes: int = setting(2, "specular lobes of the last step", within="[1, 2]")
-    eta: float = setting(1.5, "refractive index of the Fresnel factor of ct and ggx", within="(1, 5]")
-    diffuse_share: float = setting(2 / 3, "lowest diffuse albedo of step two, relative to step one", within="[0, 1]")
-    first_angle_deg: float = setting(45.0, "largest elevation angle of step one", within="(0, 90)")
-    full_angle_deg: float = setting(60.0, "largest elevation angle of normals and of step two", within="(0, 90)")
-    free_angle_deg: float = setting(80.0, "largest elevation angle of the free fit", within="(0, 90)")
-    loss_scale: float = setting(1.0, "residual [1/sr] that counts as 1 in Cauchy's loss", within="(0, inf)")
-    solver: str = setting(
-        "levenberg", "minimiser: levenberg (compiled) or slsqp (NLopt's, ten times slower)", choices=("levenberg", "slsqp")
-    )
-    threads: int = setting(0, "threads; 0 takes all cores", within="[0, 1024]")
-
-    def __post_init__(self) -> None:
-        check_settings(self)
 
 
 @dataclass(frozen=True)
@@ -118,12 +100,38 @@ def fit_texel(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSettings(
 def fit(abrdf: ABRDF, settings: FitSettings = FitSettings()) -> list[TexelFit]:
     """Fit all texels, on all cores; each depends on itself alone, so that threads cannot change the result."""
     flat = abrdf.normalise().flat()
-    if settings.threads == 1 or flat.num_texels == 1:
-        return [_fit(flat, t, settings) for t in tracked(range(flat.num_texels), "fitting texels")]
-    # Threads, as the cost is compiled and lets go of the interpreter.
+    done = _over_texels(lambda t: _fit(flat, t, settings), flat.num_texels, settings)
+    return list(tracked(done, "fitting texels", flat.num_texels))
+
+
+def fit_where_possible(abrdf: ABRDF, settings: FitSettings, frames: Floats | None = None) -> list[TexelFit | None]:
+    """As `fit`, with None for a texel that has too few valid samples.
+
+    Parameters
+    ----------
+    abrdf : ABRDF
+    settings : FitSettings
+    frames : (T, 3, 3) float, optional
+        Frames (tangent, bitangent, normal as columns) to fit about, instead of those that `settings.normals` would estimate.
+    """
+    flat = abrdf.normalise().flat()
+
+    def one(t: int) -> TexelFit | None:
+        try:
+            return _fit(flat, t, settings, None if frames is None else frames[t])
+        except InputError:
+            return None
+
+    return list(_over_texels(one, flat.num_texels, settings))
+
+
+def _over_texels(one: Callable[[int], Fitted], count: int, settings: FitSettings) -> Iterator[Fitted]:
+    if settings.threads == 1 or count == 1:
+        yield from (one(t) for t in range(count))
+        return
+    # Threads, as all that takes long is compiled and lets go of the interpreter.
     with ThreadPoolExecutor(settings.threads or None) as pool:
-        done = pool.map(lambda t: _fit(flat, t, settings), range(flat.num_texels))
-        return list(tracked(done, "fitting texels", flat.num_texels))
+        yield from pool.map(one, range(count))
 
 
 def estimate_normal(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSettings()) -> Floats:
@@ -184,4 +192,4 @@ def _problem(
     f0 = ((settings.eta - 1) / (settings.eta + 1)) ** 2
     base = np.eye(3) if frame is None else frame
     wi, wo = (np.ascontiguousarray(w[keep], np.float64) for w in (flat.wi, flat.wo))
-    return Problem(wi, wo, value, KINDS[model], f0, base, lobes, settings.loss_scale)
+    return Problem(wi, wo, value, KINDS[model], f0, base, lobes, settings.loss_scale, flat.isotropic)

@@ -38,6 +38,7 @@ class Problem:
     base: Floats
     lobes: int
     loss_scale: float
+    isotropic: bool = False
 
     @property
     def channels(self) -> int:
@@ -49,11 +50,16 @@ class Problem:
         """Number of parameters."""
         return self.channels * (1 + self.lobes) + 2 * self.lobes + 3
 
+    @property
+    def tied(self) -> bool:
+        """Whether a lobe's two widths are one: Phong's always, others' on isotropic surfaces."""
+        return self.isotropic or self.kind == PHONG
+
     def split(self, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return diffuse (C,), specular (L, C), alpha (L, 2) and the angles (3,); Phong's width counts both ways."""
+        """Return diffuse (C,), specular (L, C), alpha (L, 2) and the angles (3,); a tied width counts both ways."""
         c, lobes = self.channels, self.lobes
         alpha = x[c * (1 + lobes) : -3].reshape(lobes, 2)
-        if self.kind == PHONG:
+        if self.tied:
             alpha = np.repeat(alpha[:, :1], 2, axis=1)
         return x[:c], x[c : c * (1 + lobes)].reshape(lobes, c), alpha, x[-3:]
 
@@ -69,6 +75,8 @@ class Problem:
         arrays = (diffuse, specular, np.ascontiguousarray(alpha), self.loss_scale, gd, gs, ga, gf)
         value = kernel.cost(self.wi, self.wo, self.value, self.kind, self.f0, frame, *arrays)
         if gradient.size:
+            if self.tied:
+                ga = np.stack([ga.sum(axis=1), np.zeros(self.lobes)], axis=1)
             angle = [float(np.sum(gf * d)) for d in by_angle]
             gradient[:] = np.concatenate([gd, gs.ravel(), ga.ravel(), angle])
         return float(value)
@@ -85,7 +93,7 @@ class Problem:
             at = c * (1 + self.lobes) + 2 * k
             low[at : at + 2], high[at : at + 2] = a, b
         # A quarter turn either way: the lobe is symmetric under half a turn, so all tangents are reached.
-        turn = 0.0 if self.kind == PHONG else math.pi / 2
+        turn = 0.0 if self.tied else math.pi / 2
         low[-3:], high[-3:] = (-tilt, -tilt, -turn), (tilt, tilt, turn)
         return low, high
 
@@ -94,7 +102,7 @@ class Problem:
         x = np.zeros(self.size)
         x[self.channels * (1 + self.lobes) : -3] = np.repeat(alphas, 2)
         solver.start_linear(*self._given, x, self.lobes, self.loss_scale, self.stride)
-        if self.kind != PHONG:
+        if not self.tied:
             solver.start_tangent(*self._given, x, self.lobes, self.loss_scale, self.stride)
         return x
 
@@ -177,8 +185,8 @@ class Problem:
         return max(len(self.wi) // _ROUGH_SAMPLES, 1) | 1
 
     @property
-    def _given(self) -> tuple[Floats, Floats, Floats, int, float, Floats]:
-        return self.wi, self.wo, self.value, self.kind, self.f0, self.base
+    def _given(self) -> tuple[Floats, Floats, Floats, int, float, bool, Floats]:
+        return self.wi, self.wo, self.value, self.kind, self.f0, self.tied, self.base
 
     def _canonical(self, x: Floats, bounds: tuple[Floats, Floats]) -> Floats:
         """Return the same lobes with the tangent within an eighth of a turn: a quarter turn swaps the widths."""

@@ -16,7 +16,6 @@ import numpy as np
 from numba import njit
 
 from .brdf_fit import _local
-from .kinds import PHONG
 from .lobe_gradients import lobe
 
 _INV_PI = 1.0 / math.pi
@@ -45,10 +44,11 @@ def turned(base, a, b, c):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def normal_equations(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride, hessian, gradient, meat):
+def normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, stride, hessian, gradient, meat):
     """Return the cost; fill Hessian (P, P), gradient (P,) and, unless it is empty, the sum of (w r)^2 J J^T.
 
-    Every `stride`-th sample is used. All three are of the mean over samples and channels, `meat` over their number squared.
+    Every `stride`-th sample is used. If `tied`, each lobe has one width, its first. All three are of the mean over samples and
+    channels, `meat` over their number squared.
     """
     num, channels = value.shape
     size = len(x)
@@ -80,9 +80,9 @@ def normal_equations(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride
             by_factor[m] = (by_angle[m, 0, 2] * a[0] + by_angle[m, 1, 2] * a[1] + by_angle[m, 2, 2] * a[2]) / a[2]
         for k in range(lobes):
             at = first + 2 * k
-            alpha_v = x[at] if kind == PHONG else x[at + 1]
+            alpha_v = x[at] if tied else x[at + 1]
             ks[k], du, dv, gi, go = lobe(kind, local_i, local_o, x[at], alpha_v, f0)
-            slopes[k, 0], slopes[k, 1] = du, dv
+            slopes[k, 0], slopes[k, 1] = (du + dv, 0.0) if tied else (du, dv)
             for m in range(3):
                 s = 0.0
                 for q in range(3):
@@ -191,7 +191,7 @@ def solve_damped(hessian, gradient, damping, free, step):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def minimise(wi, wo, value, kind, f0, base, x, low, high, lobes, loss_scale, stride, tolerance, max_steps):
+def minimise(wi, wo, value, kind, f0, tied, base, x, low, high, lobes, loss_scale, stride, tolerance, max_steps):
     """Move x to a minimum of the cost within [low, high]; return the cost and the number of evaluations.
 
     Ends when a step lowers the cost by less than `tolerance` of it, or cannot lower it at all.
@@ -203,7 +203,7 @@ def minimise(wi, wo, value, kind, f0, base, x, low, high, lobes, loss_scale, str
     step, at, free = np.empty(size), np.empty(size), np.empty(size, np.bool_)
     for p in range(size):
         x[p] = min(max(x[p], low[p]), high[p])
-    cost = normal_equations(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride, hessian, gradient, none)
+    cost = normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, stride, hessian, gradient, none)
     damping, growth, evaluations = 1e-3, 2.0, 1
     while evaluations < max_steps:
         for p in range(size):
@@ -230,7 +230,9 @@ def minimise(wi, wo, value, kind, f0, base, x, low, high, lobes, loss_scale, str
             moved += abs(step[p]) / (1e-3 + abs(x[p]))
         if moved < 1e-10:
             break
-        new = normal_equations(wi, wo, value, kind, f0, base, at, lobes, loss_scale, stride, other_hessian, other_gradient, none)
+        new = normal_equations(
+            wi, wo, value, kind, f0, tied, base, at, lobes, loss_scale, stride, other_hessian, other_gradient, none
+        )
         evaluations += 1
         if new < cost:
             gain = cost - new
@@ -253,7 +255,7 @@ def minimise(wi, wo, value, kind, f0, base, x, low, high, lobes, loss_scale, str
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def start_linear(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride):
+def start_linear(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, stride):
     """Set albedo and scales of x to what least squares gives at its widths and angles, small ones to a small positive level."""
     size, channels = len(x), value.shape[1]
     first = channels * (1 + lobes)
@@ -261,7 +263,7 @@ def start_linear(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride):
     hessian, gradient, step = np.empty((size, size)), np.empty(size), np.empty(size)
     free = np.zeros(size, np.bool_)
     free[:first] = True
-    normal_equations(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride, hessian, gradient, np.empty((0, 0)))
+    normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, stride, hessian, gradient, np.empty((0, 0)))
     solve_damped(hessian, gradient, 1e-9, free, step)
     # A scale of exactly 0 would leave its width without gradient.
     least = 1e-3 * max(value.mean(), 1e-9)
@@ -270,7 +272,7 @@ def start_linear(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def start_tangent(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride):
+def start_tangent(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, stride):
     """Turn the tangent of x, whose lobes are round, to where drawing the first lobe's widths apart lowers the cost most.
 
     The derivative by the difference of the widths is A cos 2 (turn - best): two angles give it all. All widths are then set
@@ -282,7 +284,7 @@ def start_tangent(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride):
     slope = np.empty(2)
     for k in range(2):
         x[size - 1] = 0.25 * math.pi * k
-        normal_equations(wi, wo, value, kind, f0, base, x, lobes, loss_scale, stride, hessian, gradient, none)
+        normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, stride, hessian, gradient, none)
         slope[k] = gradient[at] - gradient[at + 1]
     x[size - 1] = 0.5 * math.atan2(-slope[1], -slope[0])
     for k in range(lobes):

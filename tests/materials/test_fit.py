@@ -102,7 +102,7 @@ def test_the_compiled_gradient_and_cost_are_those_of_the_objective():
     gradient, other = np.empty(p.size), np.empty(p.size)
     value = p.cost(x, gradient)
     hessian = np.empty((p.size, p.size))
-    args = (p.wi, p.wo, p.value, p.kind, p.f0, p.base, x, p.lobes, 1.0, 1)
+    args = (p.wi, p.wo, p.value, p.kind, p.f0, p.tied, p.base, x, p.lobes, 1.0, 1)
     assert normal_equations(*args, hessian, other, np.empty((0, 0))) == pytest.approx(value, rel=1e-12)
     assert np.allclose(gradient, other, rtol=1e-9, atol=1e-12 * np.abs(gradient).max())
 
