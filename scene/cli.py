@@ -13,7 +13,18 @@ from materials.foundation.settings import add_flags, from_mapping, read_toml
 
 from .reconstruction.build_settings import BuildSettings
 
-FORMATS = ("auto", "recording", "kitti-raw", "kitti-odometry", "colmap", "nerfstudio", "images", "cloud")
+FORMATS = (
+    "auto",
+    "recording",
+    "kitti-raw",
+    "kitti-odometry",
+    "kitti-object",
+    "argoverse",
+    "colmap",
+    "nerfstudio",
+    "images",
+    "cloud",
+)
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -27,7 +38,7 @@ def _parser() -> argparse.ArgumentParser:
         description="Build a scene that light can travel through from a recorded drive: ground, environment, moving objects, "
         "colours, sky, and the maps that water follows. What did not change since the last run is kept.",
     )
-    what = "recording.json, a KITTI, COLMAP or nerfstudio folder, images, or a point cloud"
+    what = "recording.json, a KITTI, Argoverse 2, COLMAP or nerfstudio folder, images, or a point cloud"
     parser.add_argument("recording", metavar="RECORDING", help=what)
     parser.add_argument("-o", "--output", metavar="SCENE", required=True, help="folder of the scene")
     parser.add_argument("--format", choices=FORMATS, default="auto", help="what RECORDING is (default: auto, by its files)")

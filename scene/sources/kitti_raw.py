@@ -1,4 +1,5 @@
-"""Drives of the KITTI raw data set: DATE/calib_*.txt and DATE/DATE_drive_NNNN_sync/{image_02, velodyne_points, oxts}.
+"""Drives of the KITTI raw data set: DATE/calib_*.txt and DATE/DATE_drive_NNNN_sync/{image_02, velodyne_points, oxts,
+tracklet_labels.xml}.
 
 Geiger, Lenz, Stiller, Urtasun: Vision meets Robotics: The KITTI Dataset, IJRR 2013. The sweeps are taken as they are: at
 10 m/s the scanner's turn moves points beside the car by a few centimetres within the camera's view.
@@ -15,10 +16,12 @@ from numpy.typing import NDArray
 from materials.foundation.errors import InputError
 from materials.foundation.progress import logger
 
+from ..boxes import write_boxes
 from ..points import read_points
-from ..recording import Frame, PointsFile, Recording, StereoFile
+from ..recording import BoxesFile, Frame, PointsFile, Recording, StereoFile
 from ..transforms import invert
 from .gravity import mean_up, spread, turn_to_z, up_from_ground
+from .kitti_boxes import read_tracklets
 from .kitti_calibration import matrix, read_calibration, read_rigid, rectified_camera, rigid
 from .odometry import lidar_poses
 from .recording_copy import check_recording
@@ -40,7 +43,7 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
     path : path
         The drive's folder, its date's folder, or the folder above; where it holds several drives, one must be named.
     work_folder : Path
-        Keeps the estimated poses.
+        Keeps the estimated poses, and the boxes.
     seed : int
         For the ground plane's RANSAC.
 
@@ -49,7 +52,8 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
     recording : Recording
         Colour camera 2, with camera 3 as the second of a stereo pair and the sweeps where they exist. The world is z up:
         east and north of the first position if there is `oxts` (position and attitude by GPS and inertial unit); else
-        the frame of the first sweep, levelled by the ground along the drive, with poses by LiDAR odometry.
+        the frame of the first sweep, levelled by the ground along the drive, with poses by LiDAR odometry. Boxes are
+        those of `tracklet_labels.xml`, where the drive has one.
 
     Raises
     ------
@@ -74,6 +78,7 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
     right = _by_stem(drive / "image_03" / "data", (".png", ".jpg"))
     sweeps = _by_stem(drive / "velodyne_points" / "data", (".bin", ".npz"))
     oxts = _by_stem(drive / "oxts" / "data", (".txt",))
+    boxed: dict[str, Path] = {}
     T_rect_velo = R_rect @ read_rigid(calibration / "calib_velo_to_cam.txt") if sweeps or oxts else _ORIGIN
 
     def frame_at(stem: str, T_world_velo: NDArray[np.float64]) -> Frame:
@@ -85,7 +90,8 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
             stereo = StereoFile(right[stem], rectified_camera(P, width, height, T_world_rect, cam_file, "P_rect_03"))
         if stem in sweeps:
             points = PointsFile(sweeps[stem], T_world_velo)
-        return Frame(images[stem], camera, response="srgb", stereo=stereo, points=points)
+        boxes = BoxesFile(boxed[stem], T_world_velo) if stem in boxed else None
+        return Frame(images[stem], camera, response="srgb", stereo=stereo, points=points, boxes=boxes)
 
     imu_file = calibration / "calib_imu_to_velo.txt"
     by_oxts = bool(oxts) and imu_file.exists()
@@ -100,6 +106,7 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
     stems = [stem for stem in images if stem in (oxts if by_oxts else sweeps)]
     if not stems:
         raise InputError("have names in common with the images", file=drive / ("oxts" if by_oxts else "velodyne_points"))
+    boxed |= _tracklets(drive, stems, work_folder)
     if len(stems) < len(images):
         logger.info("%s: %d of %d images have a pose and are used", drive, len(stems), len(images))
     recording = Recording(tuple(frame_at(stem, _ORIGIN) for stem in stems), drive, drive.name)
@@ -115,6 +122,19 @@ def open_kitti_raw(path: str | Path, work_folder: Path, seed: int = 0) -> Record
         poses = levelled(lidar_poses(files, work_folder), files, seed)
     frames = tuple(frame_at(stem, T) for stem, T in zip(stems, poses, strict=True))
     return replace(recording, frames=frames)
+
+
+def _tracklets(drive: Path, stems: list[str], work_folder: Path) -> dict[str, Path]:
+    """Write the boxes of the drive's tracklets frame by frame; nothing if it has none."""
+    file = drive / "tracklet_labels.xml"
+    if not file.exists():
+        return {}
+    boxes = read_tracklets(file)
+    logger.info("%s: boxes of %d images", file, len(boxes))
+    out = {stem: work_folder.resolve() / "boxes" / f"{stem}.json" for stem in stems}
+    for stem, target in out.items():
+        write_boxes(target, boxes.get(int(stem), ()) if stem.isdigit() else ())
+    return out
 
 
 def levelled(T_first_velo: list[NDArray[np.float64]], sweeps: list[Path], seed: int) -> list[NDArray[np.float64]]:

@@ -16,17 +16,31 @@ from materials.foundation.progress import logger
 
 from ..points import FARTHEST, SUFFIXES, read_points_far, write_points
 from ..recording import Recording, read_recording
+from .argoverse import is_argoverse, open_argoverse
 from .colmap import is_colmap, open_colmap
+from .kitti_object import is_kitti_object, open_kitti_object
 from .kitti_odometry import is_kitti_odometry, open_kitti_odometry
 from .kitti_raw import is_kitti_raw, open_kitti_raw
 from .nerfstudio import is_nerfstudio, open_nerfstudio
 from .recording_copy import check_recording
 from .structure_from_motion import is_image_folder, open_images
 
-FORMATS = ("auto", "recording", "kitti-raw", "kitti-odometry", "colmap", "nerfstudio", "images", "cloud")
+FORMATS = (
+    "auto",
+    "recording",
+    "kitti-raw",
+    "kitti-odometry",
+    "kitti-object",
+    "argoverse",
+    "colmap",
+    "nerfstudio",
+    "images",
+    "cloud",
+)
 _LOOKED_FOR = (
     "recording.json; calib_cam_to_cam.txt with image_02/data (KITTI raw); sequences/NN or calib.txt with image_0 or image_2 (KITTI "
-    "odometry); transforms.json (nerfstudio); sparse/0 with cameras, images and points3D (COLMAP); two or more images"
+    "odometry); image_2 with calib and velodyne (KITTI object); city_SE3_egovehicle.feather with sensors/lidar (Argoverse 2); "
+    "transforms.json (nerfstudio); sparse/0 with cameras, images and points3D (COLMAP); two or more images"
 )
 
 
@@ -69,6 +83,8 @@ def open_recording(path: str | Path, format: str = "auto", work_folder: str | Pa
         "recording": _open_json,
         "kitti-raw": open_kitti_raw,
         "kitti-odometry": open_kitti_odometry,
+        "kitti-object": open_kitti_object,
+        "argoverse": open_argoverse,
         "colmap": open_colmap,
         "nerfstudio": open_nerfstudio,
         "images": open_images,
@@ -91,6 +107,8 @@ def recognised_format(path: str | Path) -> str:
             return "cloud"
         if path.suffix.lower() == ".json":
             return "nerfstudio" if _is_transforms(path) else "recording"
+        if is_kitti_object(path):
+            return "kitti-object"
         raise InputError(
             f"be a folder, a .json, or a point cloud ({', '.join(SUFFIXES)})", got=path.suffix or "no suffix", file=path
         )
@@ -98,6 +116,8 @@ def recognised_format(path: str | Path) -> str:
         "recording": lambda p: bool(_recording_files(p)),
         "kitti-raw": is_kitti_raw,
         "kitti-odometry": is_kitti_odometry,
+        "kitti-object": is_kitti_object,
+        "argoverse": is_argoverse,
         "nerfstudio": is_nerfstudio,
         "colmap": is_colmap,
         "images": is_image_folder,

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from materials.foundation.errors import InputError
+from scene.boxes import read_boxes
 from scene.points import read_points
 from scene.recording import read_recording
 from scene.sources.kitti_raw import open_kitti_raw, oxts_poses
@@ -160,3 +161,16 @@ def test_the_calibration_of_a_real_drive_agrees_with_an_independent_conversion(s
     near = transform_points(frame.points.T_world_points, read_points(frame.points.file)[:, :3].astype(np.float64))
     near = near[(np.hypot(near[:, 0], near[:, 1]) < 10) & (near[:, 2] < -1.5)]
     assert abs(np.median(near[:, 2]) + 1.73) < 0.1
+
+
+def test_tracklets_become_boxes_of_the_scanners_frame(tmp_path: Path) -> None:
+    drive = make_drive(tmp_path)
+    pose = "<item><tx>9</tx><ty>1</ty><tz>-1.7</tz><rz>0</rz></item>"
+    car = f"<item><objectType>Van</objectType><h>2</h><w>2</w><l>5</l><first_frame>1</first_frame><poses>{pose}</poses></item>"
+    (drive / "tracklet_labels.xml").write_text(f"<boost_serialization><tracklets>{car}</tracklets></boost_serialization>")
+    frames = open_kitti_raw(drive, tmp_path / "work").frames
+    counts = [len(read_boxes(frame.boxes.file)) if frame.boxes else None for frame in frames]
+    assert counts == [0, 1, 0]
+    assert frames[1].boxes is not None and frames[1].points is not None
+    np.testing.assert_array_equal(frames[1].boxes.T_world_boxes, frames[1].points.T_world_points)
+    np.testing.assert_allclose(read_boxes(frames[1].boxes.file)[0].T_boxes_object[:3, 3], [9, 1, -0.7])
