@@ -17,9 +17,7 @@ class SpraySettings:
     noise_exponent: float = setting(3.0, "beta of its 1/f^beta (6.3.4)", within="[0, 10]")
     octaves: int = setting(3, "its octaves: 0.5 m to 0.125 m", within="[1, 16]")
     contrast: float = setting(0.3, "its standard deviation about the mean of 1; 0 is even mist", within="[0, 10]")
-    ceiling: float = setting(
-        12.0, "where mist is cut off, in scale heights above the ground (e^-12 is left)", within="[1, 100]"
-    )
+    ceiling: float = setting(12.0, "where mist is cut off, in scale heights above the ground (e^-12 is left)", within="[1, 100]")
     margin: float = setting(200.0, "how far mist reaches beyond the ground map [m]", within="[0, 1e5]")
     albedo: float = setting(1.0, "single-scattering albedo; water absorbs less than 1e-4, dirt more", within="[0, 1]")
     droplet_diameter_um: float = setting(20.0, "mean diameter of the drops [micrometres]", within="[5, 50]")
