@@ -1,10 +1,10 @@
-"""Augment a drive with wet ground, frame by frame, and write all that a user of the data may ask for (thesis 6.4)."""
+"""Augment a drive with wet ground and mist, frame by frame, and write all that a user of the data may ask for (thesis 6.4)."""
 
 from __future__ import annotations
 
 import importlib.metadata
 import shutil
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,33 +18,28 @@ from materials.foundation.settings import as_dict
 from scene.images import write_exr, write_raw
 from scene.recording import Frame, Recording, write_recording
 from scene.scene_file import Scene
+from scene.wetting.spray import spray_over
 from scene.wetting.water import water_level
 from scene.wetting.wetting_patterns import puddle_pattern
 
 from .augment_settings import AugmentSettings, check_wetness
+from .kernels.media import MediumArrays
 from .kernels.wet import SPLIT
+from .layers import FrameResult, labels, layers
+from .media import compile_spray
+from .mist import misty_frame
 from .projected_world import ProjectedFrame, project_frame
 from .separate import Separation, refine, separate, water_normals
-from .wet import WetFrame, wet_frame
+from .wet import wet_frame
 
 # The unseen sky is judged on this many frames of a drive, every so many pixels, with so many paths each.
 _GAIN_FRAMES, _GAIN_STEP, _GAIN_SAMPLES = 4, 5, 64
 
 
-@dataclass(frozen=True)
-class FrameResult:
-    """A frame at one wetness, in memory."""
-
-    frame: ProjectedFrame
-    separation: Separation
-    water: NDArray[np.float32]
-    wet: WetFrame
-
-
 def augment(
     scene: Scene, frames: list[int], wetness: list[float], settings: AugmentSettings, folder: str | Path
 ) -> list[dict[str, Any]]:
-    """Write the frames of a scene at each wetness.
+    """Write the frames of a scene at each wetness, in mist if the settings have any.
 
     Parameters
     ----------
@@ -55,8 +50,9 @@ def augment(
         Global wetness values in [0, 1].
     settings : AugmentSettings
     folder : path
-        Gets one folder per wetness (`w0.33/`), with `image/`, `layers/` and `label/`, what rain does not change
-        (`truth/`), `recording.json`, which makes a recording of the wet pictures and that truth, and `augment.json`.
+        Gets one folder per wetness (`w0.33/`, in mist `w0.33_m0.50/`), with `image/`, `layers/` and `label/`, what rain
+        does not change (`truth/`), `recording.json`, which makes a recording of the wet pictures and that truth, and
+        `augment.json`.
 
     Returns
     -------
@@ -80,7 +76,10 @@ def augment(
     if settings.puddle_scale > 0:
         maps["puddles"] = puddle_pattern(*scene.grid.centres(), settings.seed, scale=settings.puddle_scale)
     levels = [water_level(maps, scene.grid, w, settings.water) for w in wetness]
-    names = [_name(w) for w in wetness]
+    mist = None
+    if settings.mist > 0:
+        mist = compile_spray(spray_over(scene.maps["height"], scene.grid, settings.mist, settings.spray, settings.seed))
+    names = [folder_name(w, settings) for w in wetness]
     report: list[dict[str, Any]] = []
     gain = settings.sky_gain or estimate_sky_gain(scene, frames, normals, settings)
     logger.info("unseen sky at %.2f of its level", gain)
@@ -90,16 +89,26 @@ def augment(
         projected = project_frame(scene, index, projected, gain)
         separation = separate_frame(projected, scene, normals, settings)
         for w, name, water in zip(wetness, names, levels, strict=True):
-            wet = wet_frame(projected, separation, np.clip(water, 0, 1), settings.seed, settings.bounces)
-            _write_frame(folder / name, FrameResult(projected, separation, water, wet), settings)
+            result = _result(projected, separation, np.clip(water, 0, 1), mist, settings)
+            _write_frame(folder / name, result, settings)
             passed.setdefault(name, []).append(_pass_truth(projected, folder / name, settings.format))
-            report.append(_figures(projected, separation, wet, w))
+            report.append(_figures(result, w))
     for w, name in zip(wetness, names, strict=True):
         used = replace(settings, sky_gain=gain)
         wet = Recording(tuple(passed[name]), (folder / name).resolve(), f"{scene.name}, wetness {w:g}", noise=scene.recording.noise)
         write_recording(folder / name / "recording.json", wet)
         write_json(folder / name / "augment.json", _record(scene, w, used, [r for r in report if r["wetness"] == w]))
     return report
+
+
+def _result(
+    frame: ProjectedFrame, separation: Separation, water: NDArray[np.float32], mist: MediumArrays | None, settings: AugmentSettings
+) -> FrameResult:
+    wet = wet_frame(frame, separation, water, settings.seed, settings.bounces)
+    if mist is None:
+        return FrameResult(frame, separation, water, wet)
+    misty = misty_frame(frame, separation, wet, water, mist, settings.samples, settings.seed, settings.bounces)
+    return FrameResult(frame, separation, water, wet, misty)
 
 
 def estimate_sky_gain(scene: Scene, frames: list[int], normals: NDArray[np.float32], settings: AugmentSettings) -> float:
@@ -169,7 +178,7 @@ def separate_frame(frame: ProjectedFrame, scene: Scene, normals: NDArray[np.floa
 
 
 def _standard_error(frame: ProjectedFrame, variance: NDArray[np.float32], share: NDArray[np.float32]) -> float:
-    """Return the median standard error over the ground in 8-bit levels of the picture."""
+    """Return the median standard error over what has a share, the ground, in 8-bit levels of the picture."""
     ground = share > 0.5
     if not ground.any():
         return 0.0
@@ -182,15 +191,15 @@ def _standard_error(frame: ProjectedFrame, variance: NDArray[np.float32], share:
 
 
 def _write_frame(folder: Path, result: FrameResult, settings: AugmentSettings) -> None:
-    frame, wet = result.frame, result.wet
+    frame = result.frame
     name = frame.frame.name
     picture = folder / "image" / picture_name(frame.frame, settings.format)
     if settings.format == "exr":
-        write_raw(picture, wet.image)
-    elif np.array_equal(wet.raw, frame.raw):
+        write_raw(picture, result.image)
+    elif np.array_equal(result.raw, frame.raw):
         _copy(frame.frame.image, picture)  # encoding a JPEG again would change what the rain did not
     else:
-        write_raw(picture, wet.raw)
+        write_raw(picture, result.raw)
     if settings.layers:
         write_exr(folder / "layers" / f"{name}.exr", layers(result))
     if settings.labels:
@@ -201,52 +210,6 @@ def _write_frame(folder: Path, result: FrameResult, settings: AugmentSettings) -
 def picture_name(frame: Frame, format: str) -> str:
     """Return the file name of a frame's wet picture."""
     return f"{frame.name}.exr" if format == "exr" else f"{frame.name}{frame.image.suffix.lower()}"
-
-
-def layers(result: FrameResult) -> dict[str, NDArray]:
-    """Return the channels of a frame's EXR: the picture and all that it was made of, in linear light and metres."""
-    frame, sep, wet = result.frame, result.separation, result.wet
-    out: dict[str, NDArray] = {}
-
-    def add(layer: str, values: NDArray, channels: str) -> None:
-        prefix = f"{layer}." if layer else ""
-        for i, channel in enumerate(channels):
-            out[prefix + channel] = values[..., i].astype(np.float32)
-
-    add("", wet.image, "RGB")
-    add("diffuse_dry", sep.share[..., None] * sep.diffuse, "RGB")
-    add("diffuse_wet", wet.diffuse, "RGB")
-    add("specular_dry", sep.scale * sep.specular, "RGB")
-    add("specular_wet", wet.specular, "RGB")
-    add("normal", sep.ground.normal, "XYZ")
-    share = np.maximum(sep.share, 1e-6)
-    saturation, accumulation = wet.wet.wetness[..., 0] / share, wet.wet.wetness[..., 1] / share
-    ground = sep.share > 0
-    # Saturation fills the lower half of the water level, accumulation the upper half.
-    out["water.level"] = np.where(ground, 0.5 * saturation + 0.5 * accumulation, 0).astype(np.float32)
-    out["water.saturation"] = np.where(ground, saturation, 0).astype(np.float32)
-    out["water.accumulation"] = np.where(ground, accumulation, 0).astype(np.float32)
-    out["roughness.Y"] = np.where(ground, sep.ground.roughness, 0).astype(np.float32)
-    out["depth.Z"] = frame.depth.astype(np.float32)
-    out["ground.A"] = sep.share
-    out["id.instance"] = frame.instance.astype(np.uint32)
-    out["id.role"] = (frame.shape + 1).astype(np.uint32)
-    return out
-
-
-def labels(result: FrameResult) -> dict[str, NDArray[np.uint8]]:
-    """Return label maps: share of ground, saturation and accumulation (0 to 255), and what changed (0 or 255)."""
-    sep, wet = result.separation, result.wet
-    share = np.maximum(sep.share, 1e-6)[..., None]
-    wetness = np.rint(255 * np.clip(wet.wet.wetness / share, 0, 1)).astype(np.uint8)
-    changed = result.frame.raw != wet.raw
-    changed = changed if changed.ndim == 2 else changed.any(axis=-1)
-    return {
-        "ground": np.rint(255 * np.clip(sep.share, 0, 1)).astype(np.uint8),
-        "saturation": wetness[..., 0],
-        "accumulation": wetness[..., 1],
-        "changed": (changed * 255).astype(np.uint8),
-    }
 
 
 def _pass_truth(frame: ProjectedFrame, folder: Path, format: str) -> Frame:
@@ -278,10 +241,11 @@ def _copy(source: Path, target: Path) -> None:
         shutil.copyfile(source, temporary)
 
 
-def _figures(frame: ProjectedFrame, separation: Separation, wet: WetFrame, w: float) -> dict[str, Any]:
+def _figures(result: FrameResult, w: float) -> dict[str, Any]:
+    frame, separation, wet = result.frame, result.separation, result.wet
     ground = separation.share > 0
     wetness = wet.wet.wetness[ground] / separation.share[ground][:, None] if ground.any() else np.zeros((1, 2))
-    return {
+    figures = {
         "frame": frame.frame.name,
         "wetness": w,
         "samples": separation.samples,
@@ -291,6 +255,11 @@ def _figures(frame: ProjectedFrame, separation: Separation, wet: WetFrame, w: fl
         "mean_accumulation": float(wetness[:, 1].mean()),
         "standard_error_levels": _standard_error(frame, wet.wet.variance, separation.share),
     }
+    if result.mist is not None:
+        everywhere = np.ones_like(separation.share)
+        figures["mean_transmittance"] = float(result.mist.transmittance.mean())
+        figures["standard_error_levels_mist"] = _standard_error(frame, result.mist.variance, everywhere)
+    return figures
 
 
 def _record(scene: Scene, w: float, settings: AugmentSettings, frames: list[dict[str, Any]]) -> dict[str, Any]:
@@ -299,6 +268,7 @@ def _record(scene: Scene, w: float, settings: AugmentSettings, frames: list[dict
         "format": "augmented/1",
         "scene": scene.name,
         "wetness": w,
+        "mist": settings.mist,
         "settings": as_dict(settings),
         "frames": frames,
         "versions": {name: _version(name) for name in packages},
@@ -312,9 +282,9 @@ def _version(package: str) -> str | None:
         return None
 
 
-def _name(w: float) -> str:
-    """Name the folder of a wetness so that names sort as numbers do: `w0.33`."""
-    return f"w{w:.2f}"
+def folder_name(w: float, settings: AugmentSettings) -> str:
+    """Name the folder of a wetness, and of mist, so that names sort as numbers do: `w0.33`, `w0.33_m0.50`."""
+    return f"w{w:.2f}" + (f"_m{settings.mist:.2f}" if settings.mist > 0 else "")
 
 
 def summarise(report: list[dict[str, Any]]) -> None:

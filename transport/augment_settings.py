@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from materials.foundation.settings import check_settings, setting
 from materials.relief_settings import ImageRelief
+from scene.wetting.spray_settings import SpraySettings
 from scene.wetting.water_settings import WaterSettings
 
 
@@ -19,6 +20,7 @@ class AugmentSettings:
         "lagarde", "model of the diffuse darkening of full pores", choices=("lagarde", "lekner_dorf", "twomey", "thesis")
     )
     strength: float = setting(0.95, "how far full accumulation goes towards smooth water (eq 6.13)", within="[0, 1]")
+    mist: float = setting(0.0, "amount of spray and mist, 0 to 1 (mean free path 50 m at the ground)", within="[0, 1]")
     bounces: int = setting(3, "reflections followed between ground and objects", within="[1, 64]")
     samples: int = setting(64, "paths per pixel", within="[1, 65536]")
     noise: float = setting(
@@ -37,6 +39,7 @@ class AugmentSettings:
     format: str = setting("same", "format of the pictures: as the input, or png, exr", choices=("same", "png", "exr"))
     relief: ImageRelief = field(default_factory=ImageRelief)
     water: WaterSettings = field(default_factory=WaterSettings)
+    spray: SpraySettings = field(default_factory=SpraySettings)
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -16,7 +16,8 @@ def main(argv: list[str] | None = None) -> int:
     """Run `augment` and return its exit code."""
     parser = argparse.ArgumentParser(
         prog="augment",
-        description="Wet the ground of a scene that scene-build made: darkened, glossy, with puddles that mirror the street.",
+        description="Wet the ground of a scene that scene-build made: darkened, glossy, with puddles that mirror the street; and "
+        "fill its air with spray and mist.",
     )
     parser.add_argument("scene", help="folder of the scene")
     parser.add_argument("-o", "--output", required=True, help="folder for the result")
@@ -33,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
     add_flags(
         parser,
         AugmentSettings,
-        "options (constants of the water and of the ground's relief: --settings, tables [water] and [relief])",
+        "options (constants of water, mist and the ground's relief: --settings, tables [water], [spray] and [relief])",
     )
     add_common_flags(parser)
     return run_command(parser, _run, argv)
@@ -45,7 +46,7 @@ def _run(args: argparse.Namespace) -> None:
     from scene.scene_file import read_scene
     from scene.sources.recording_copy import check_recording
 
-    from .augment import augment, picture_name, summarise
+    from .augment import augment, folder_name, picture_name, summarise
     from .augment_settings import AugmentSettings, check_wetness
     from .contact_sheet import contact_sheet
 
@@ -63,7 +64,7 @@ def _run(args: argparse.Namespace) -> None:
     shown = frames[:: max(1, len(frames) // 4)][:4]
     pictures: list[tuple[str, list[Any]]] = [("recorded", [read_raw(scene.recording.frames[i].image) for i in shown])]
     for w in wetness:
-        folder = output / f"w{w:.2f}" / "image"
+        folder = output / folder_name(w, settings) / "image"
         found = [folder / picture_name(scene.recording.frames[i], settings.format) for i in shown]
         if all(file.suffix != ".exr" for file in found):
             pictures.append((f"wetness {w:.2f}", [read_raw(file) for file in found]))

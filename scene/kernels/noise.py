@@ -12,6 +12,8 @@ _SHIFT = np.int64(2**62)
 # A table of directions costs a tenth of sin and cos; 256 of them cannot be told from a continuum.
 _ANGLES = 2 * np.pi * (np.arange(256) + 0.5) / 256
 _COS, _SIN = np.cos(_ANGLES), np.sin(_ANGLES)
+# The golden angle and its multiples, by which octaves are turned.
+_TURN_COS, _TURN_SIN = np.cos(2.399963229728653 * (np.arange(16) + 0.5)), np.sin(2.399963229728653 * (np.arange(16) + 0.5))
 # Mean square over a cell with quintic fade f: (2 B)^d A / B, where B and A are the integrals of (1 - f)^2 and x^2 (1 - f)^2.
 # The gradients have unit length and all directions.
 _A, _B = 535.0 / 18018.0, 181.0 / 462.0
@@ -49,8 +51,8 @@ def _dot2(i, j, x, y, seed):
 
 
 @njit(cache=True)
-def _dot3(i, j, k, x, y, z, seed):
-    h = lattice(i, j, k, seed)
+def _dot3(h, x, y, z):
+    """Return the product of (x, y, z) with the gradient that a hash stands for."""
     azimuth = h >> np.uint64(56)
     # Equal steps in z are equal areas on the sphere (Archimedes).
     cz = (np.float64((h >> np.uint64(40)) & np.uint64(0xFFFF)) + 0.5) / 32768.0 - 1.0
@@ -76,13 +78,16 @@ def gradient_3d(x, y, z, seed):
     x, y, z = x - i, y - j, z - k
     u, v, w = fade(x), fade(y), fade(z)
     total = 0.0
-    for dk in range(2):
-        wz = w if dk == 1 else 1 - w
+    # `lattice` mixes i, then j, then k: what its corners share is mixed once, 14 times in place of 24.
+    for di in range(2):
+        hi = mix(seed + np.uint64(i + di + _SHIFT) * _PRIMES[0])
+        wx = u if di == 1 else 1 - u
         for dj in range(2):
+            hj = mix(hi + np.uint64(j + dj + _SHIFT) * _PRIMES[1])
             wy = v if dj == 1 else 1 - v
-            a = _dot3(i, j + dj, k + dk, x, y - dj, z - dk, seed)
-            b = _dot3(i + 1, j + dj, k + dk, x - 1, y - dj, z - dk, seed)
-            total += wz * wy * ((1 - u) * a + u * b)
+            a = _dot3(mix(hj + np.uint64(k + _SHIFT) * _PRIMES[2]), x - di, y - dj, z)
+            b = _dot3(mix(hj + np.uint64(k + 1 + _SHIFT) * _PRIMES[2]), x - di, y - dj, z - 1)
+            total += wx * wy * ((1 - w) * a + w * b)
     return total / np.sqrt(VARIANCE_3D)
 
 
@@ -109,17 +114,17 @@ def spectral_2d(x, y, scale, exponent, octaves, seed):
 def spectral_3d(x, y, z, scale, exponent, octaves, seed):
     """As `spectral_2d`, in a volume; turned about all axes by the same angle."""
     total, power = 0.0, 0.0
-    amplitude, frequency = 1.0, 1.0 / scale
+    amplitude, frequency, falling = 1.0, 1.0 / scale, 2.0 ** (-0.5 * exponent)
     for octave in range(octaves):
         s = mix(seed + np.uint64(octave + 1))
-        c, d = np.cos(2.399963229728653 * (octave + 0.5)), np.sin(2.399963229728653 * (octave + 0.5))
+        c, d = _TURN_COS[octave % 16], _TURN_SIN[octave % 16]
         px, py = c * x - d * y, d * x + c * y
         py, pz = c * py - d * z, d * py + c * z
         px, pz = c * px - d * pz, d * px + c * pz
         ox, oy = _fraction(s >> np.uint64(40)), _fraction((s >> np.uint64(16)) & np.uint64(0xFFFFFF))
         total += amplitude * gradient_3d(px * frequency + ox, py * frequency + oy, pz * frequency + ox + oy, s)
         power += amplitude * amplitude
-        amplitude *= 2.0 ** (-0.5 * exponent)
+        amplitude *= falling
         frequency *= 2.0
     return total / np.sqrt(power)
 

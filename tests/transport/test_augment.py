@@ -56,6 +56,18 @@ def test_each_wetness_gets_pictures_layers_labels_and_a_record(scene_folder, tmp
     assert (tmp_path / "contact_sheet.png").exists()
 
 
+def test_mist_veils_the_wet_picture_and_says_by_how_much(scene_folder, tmp_path):
+    assert run(scene_folder, tmp_path, "--wetness", "0,1", "--mist", "0.5", "--frames", "0") == 0
+    for name in ("w0.00_m0.50", "w1.00_m0.50"):
+        layers = read_exr(tmp_path / name / "layers" / "0000.exr")
+        passed = layers["mist.transmittance"]
+        assert 0 < passed.min() < passed.max() < 1 and layers["mist.scattered.R"].max() > 0
+        label = read_raw(tmp_path / name / "label" / "transmittance" / "0000.png")
+        np.testing.assert_array_equal(label, np.rint(255 * passed))
+        record = json.loads((tmp_path / name / "augment.json").read_text())
+        assert record["mist"] == 0.5 and 0 < record["frames"][0]["mean_transmittance"] < 1
+
+
 def test_the_layers_sum_to_the_picture_on_the_ground(scene_folder, tmp_path):
     assert run(scene_folder, tmp_path, "--wetness", "1", "--frames", "0") == 0
     layers = read_exr(tmp_path / "w1.00" / "layers" / "0000.exr")
