@@ -5,11 +5,15 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .fit_settings import FitSettings
 from .foundation.command import add_common_flags, run_command
 from .foundation.errors import InputError
 from .foundation.settings import add_flags, as_dict, from_flags, read_toml
+
+if TYPE_CHECKING:
+    from .foundation.report import Report
 
 _KINDS = ("auto", "cornell", "merl", "pbsdf", "photographs", "recording", "measurement")
 
@@ -25,7 +29,10 @@ def _parser() -> argparse.ArgumentParser:
         description="Fit an analytical BRDF to measured reflectance, at every texel where there are many: textures of its "
         "parameters, normals, and a report with pictures. An interrupted run goes on where it stopped.",
     )
-    what = "Cornell *.brdf, MERL *.binary, *.pbsdf; folder of photographs in DiLiGenT's layout; recording.json, measurement.json"
+    what = (
+        "Cornell *.brdf, MERL *.binary, *.pbsdf; folder of photographs in DiLiGenT's layout; recording.json; measurement.json "
+        "(also of spectra under rising moisture: then models of wet ground are fitted)"
+    )
     parser.add_argument("input", metavar="INPUT", help=what)
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="folder for textures, material.json and the report")
     parser.add_argument("--kind", choices=_KINDS, default="auto", help="what INPUT is (default: auto, by suffix and content)")
@@ -43,6 +50,25 @@ def _run(args: argparse.Namespace) -> None:
     if output.exists() and not output.is_dir():
         raise InputError("be a folder", got="a file", file=output, remedy="Choose another place.")
     # Imported here, so that --help and a wrong flag answer at once.
+    from .measured.source import read_conditions
+
+    measured = read_conditions(args.input, args.kind)
+    if measured is not None:
+        from .foundation.report import write_report
+        from .wetness_report import wetness_report
+
+        assert measured.conditions is not None
+        report = wetness_report(measured.conditions, measured.name, output / "pictures")
+        write_report(output, report)
+    else:
+        report = _fit_brdfs(args, settings, images, output)
+    if not args.quiet:
+        for table in report.tables:
+            print(table.markdown())
+        print(output / "report.html")
+
+
+def _fit_brdfs(args: argparse.Namespace, settings: FitSettings, images: slice | None, output: Path) -> Report:
     from .fit_report import fit_report
     from .fit_run import discard_work, run_fit
     from .foundation.progress import stage
@@ -61,10 +87,7 @@ def _run(args: argparse.Namespace) -> None:
     told = {"settings": as_dict(settings), "texels": source.num_texels, "failed": result.failed}
     write_svbrdf(output, result.material, {**told, **{t.name: t.records() for t in report.tables}})
     discard_work(output / ".fit")
-    if not args.quiet:
-        for table in report.tables:
-            print(table.markdown())
-        print(f"{output / 'material.json'}, {output / 'report.html'}")
+    return report
 
 
 def _slice(text: str | None) -> slice | None:

@@ -274,7 +274,7 @@ def _twomey(albedo: Floats, eta: float) -> Floats:
 @lru_cache(maxsize=64)
 def _grain_cosine(eta: float) -> float:
     """Return the mean cosine of light turned by a large clear sphere, by its ray series (diffraction left out)."""
-    nodes, weights = np.polynomial.legendre.leggauss(400)
+    nodes, weights = _quadrature()
     theta = 0.25 * math.pi * (nodes + 1)
     bent = np.arcsin(np.sin(theta) / eta)
     c, d = np.cos(theta), np.cos(bent)
@@ -284,6 +284,12 @@ def _grain_cosine(eta: float) -> float:
         passed = (1 - r) ** 2 * (np.cos(2 * (theta - bent)) + r * np.cos(2 * theta)) / (1 + r * r + 2 * r * np.cos(2 * bent))
         total += float(np.sum(weights * (passed - r * np.cos(2 * theta)) * np.sin(2 * theta))) * 0.25 * math.pi
     return 0.5 * total
+
+
+@lru_cache(maxsize=1)
+def _quadrature() -> tuple[Floats, Floats]:
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    return nodes, weights
 
 
 def _per_channel(values: Floats, albedo: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from ..abrdf import ABRDF
 from ..foundation.errors import InputError
 from ..spectrum import rgb_weights, wavelengths_of
 from .photographs import Photographs
+
+if TYPE_CHECKING:
+    from .measurement_file import MeasurementFile
 
 KINDS = ("auto", "cornell", "merl", "pbsdf", "photographs", "recording", "measurement")
 _SUFFIXES = {".brdf": "cornell", ".binary": "merl", ".pbsdf": "pbsdf"}
@@ -98,9 +102,20 @@ def open_source(path: str | Path, kind: str = "auto", images: slice | None = Non
         measured = read_measurement(path)
         if measured.samples is None:
             must = "hold wi and wo for a BRDF"
-            raise InputError(must, got="conditions", file=path, remedy="Use `materials.wetness_fit` for spectra under conditions.")
+            raise InputError(must, got="conditions", file=path, remedy="See `materials.wetness_fit`.")
         return _of_abrdf(kind, measured.samples)
     raise InputError(f"be one of {', '.join(KINDS)}", got=kind, key="kind")
+
+
+def read_conditions(path: str | Path, kind: str = "auto") -> MeasurementFile | None:
+    """Return a measurement/1 of conditions, such as moisture; None if `path` is anything else (`open_source` opens that)."""
+    path = Path(path)
+    if not path.exists() or (_kind(path) if kind == "auto" else kind) != "measurement":
+        return None
+    from .measurement_file import read_measurement
+
+    measured = read_measurement(path)
+    return measured if measured.conditions is not None else None
 
 
 def _kind(path: Path) -> str:
