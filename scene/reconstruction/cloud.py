@@ -20,6 +20,7 @@ from . import dynamics
 from .boxed_objects import in_boxes, moving_boxes
 from .build_settings import CloudSettings, DynamicsSettings, GroundSettings
 from .ground import split_ground
+from .slow_objects import slowly_moving
 
 Floats = NDArray[np.floating]
 _FARTHEST_CAMERA = 500.0  # a drone's height, with room
@@ -211,6 +212,9 @@ def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_setti
         through, agree = dynamics.free_space_votes(points, sweep, sweeps, dynamics_settings)
         is_ground = split_ground(points, places, ground_settings)
         driven = dynamics.on_driven_path(points, places)
+        if dynamics_settings.slow_traffic and is_ground.any():
+            above = dynamics.height_above_ground(points, points[is_ground])
+            driven |= slowly_moving(points, sweep, above, places, dynamics_settings.free_space_range)
         through[driven & ~is_ground] += 2 * dynamics_settings.free_space_votes
         gone = dynamics.moving(points, through, agree, is_ground, dynamics_settings)
         counts["seen through, removed"] = int(gone.sum())

@@ -181,7 +181,7 @@ def moving(
     free_voxel = (free / n >= settings.free_space_votes * 0.75) & (share >= settings.free_space_share)
     out[members] = free_voxel[voxel]
     out[members] |= (through[members] >= settings.free_space_votes) & (through[members] > 2.0 * agree[members])
-    thing = _things(points_world[members])
+    thing = things(points_world[members])
     size = np.bincount(thing)
     gone = np.bincount(thing, weights=out[members])
     extent = np.zeros((len(size), 3))
@@ -206,17 +206,22 @@ def remnants(points_world: Floats, is_ground: NDArray[np.bool_], lowest: float =
     members = np.flatnonzero(~is_ground)
     if len(members) == 0 or not is_ground.any():
         return out
-    ground = points_world[is_ground]
-    away, nearest = cKDTree(ground[:, :2]).query(points_world[members, :2], distance_upper_bound=2.0)
-    above = np.where(np.isfinite(away), points_world[members, 2] - ground[np.minimum(nearest, len(ground) - 1), 2], np.inf)
-    thing = _things(points_world[members])
+    above = height_above_ground(points_world[members], points_world[is_ground])
+    thing = things(points_world[members])
     top = np.full(thing.max() + 1, -np.inf)
     np.maximum.at(top, thing, above)
     out[members] = (top < lowest)[thing]
     return out
 
 
-def _things(points: Floats, cell: float = 0.3) -> NDArray[np.int64]:
+def height_above_ground(points_world: Floats, ground: Floats) -> NDArray[np.float64]:
+    """Return heights (N,) above the nearest of the ground's points (G, 3) [m]; infinite where none is within 2 m."""
+    away, nearest = cKDTree(ground[:, :2]).query(points_world[:, :2], distance_upper_bound=2.0, workers=-1)
+    below = ground[np.minimum(nearest, len(ground) - 1), 2]
+    return np.where(np.isfinite(away), points_world[:, 2] - below, np.inf)
+
+
+def things(points: Floats, cell: float = 0.3) -> NDArray[np.int64]:
     """Label points by connected cells seen from above."""
     from scipy.ndimage import label
 
