@@ -14,8 +14,10 @@ from .foundation.settings import add_flags, as_dict, from_flags, read_toml
 
 if TYPE_CHECKING:
     from .foundation.report import Report
+    from .svbrdf import SVBRDF
 
 _KINDS = ("auto", "cornell", "merl", "pbsdf", "photographs", "recording", "measurement")
+_EXPORTS = ("gltf", "materialx", "mitsuba")
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -37,6 +39,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="folder for textures, material.json and the report")
     parser.add_argument("--kind", choices=_KINDS, default="auto", help="what INPUT is (default: auto, by suffix and content)")
     parser.add_argument("--images", metavar="FROM:TO", help="some of the photographs only: a Python slice such as 20:")
+    parser.add_argument("--export", nargs="+", choices=_EXPORTS, default=[], help="write the material in formats of others, too")
     add_common_flags(parser)
     add_flags(parser, FitSettings, "fit (TOML keys in --settings)")
     return parser
@@ -86,8 +89,25 @@ def _fit_brdfs(args: argparse.Namespace, settings: FitSettings, images: slice | 
         write_report(output, report)
     told = {"settings": as_dict(settings), "texels": source.num_texels, "failed": result.failed}
     write_svbrdf(output, result.material, {**told, **{t.name: t.records() for t in report.tables}})
+    for name in args.export:
+        _export(name, output, result.material, args.quiet)
     discard_work(output / ".fit")
     return report
+
+
+def _export(name: str, output: Path, material: SVBRDF, quiet: bool) -> None:
+    from .exports.gltf import write_gltf
+    from .exports.materialx import write_materialx
+    from .exports.mitsuba_xml import write_mitsuba
+
+    write, file = {
+        "gltf": (write_gltf, "material.glb"),
+        "materialx": (write_materialx, "material.mtlx"),
+        "mitsuba": (write_mitsuba, "mitsuba.xml"),
+    }[name]
+    told = write(output / file, material)
+    if not quiet:
+        print(f"{output / file}: " + ", ".join(f"{key.replace('_', ' ')} {value:.3g}" for key, value in told.items()))
 
 
 def _slice(text: str | None) -> slice | None:
