@@ -1,4 +1,7 @@
-"""Augment a drive with wet ground and mist, frame by frame, and write all that a user of the data may ask for (thesis 6.4)."""
+"""Augment a drive with wet ground, mist and drops on the windshield, frame by frame (thesis 6.4).
+
+All is written that a user of the data may ask for: pictures, layers, labels, truth, and a record.
+"""
 
 from __future__ import annotations
 
@@ -21,8 +24,10 @@ from scene.scene_file import Scene
 from scene.wetting.spray import spray_over
 from scene.wetting.water import water_level
 from scene.wetting.wetting_patterns import puddle_pattern
+from scene.wetting.windshield import Windshield, glass_before
 
 from .augment_settings import AugmentSettings, check_wetness
+from .droplets import droplet_frame
 from .kernels.media import MediumArrays
 from .kernels.wet import SPLIT
 from .layers import FrameResult, labels, layers
@@ -39,7 +44,7 @@ _GAIN_FRAMES, _GAIN_STEP, _GAIN_SAMPLES = 4, 5, 64
 def augment(
     scene: Scene, frames: list[int], wetness: list[float], settings: AugmentSettings, folder: str | Path
 ) -> list[dict[str, Any]]:
-    """Write the frames of a scene at each wetness, in mist if the settings have any.
+    """Write the frames of a scene at each wetness, in mist and through drops if the settings have any.
 
     Parameters
     ----------
@@ -50,9 +55,9 @@ def augment(
         Global wetness values in [0, 1].
     settings : AugmentSettings
     folder : path
-        Gets one folder per wetness (`w0.33/`, in mist `w0.33_m0.50/`), with `image/`, `layers/` and `label/`, what rain
-        does not change (`truth/`), `recording.json`, which makes a recording of the wet pictures and that truth, and
-        `augment.json`.
+        Gets one folder per wetness (`w0.33/`, with mist and drops `w0.33_m0.50_d0.20/`), with `image/`, `layers/` and
+        `label/`, what rain does not change (`truth/`), `recording.json`, which makes a recording of the wet pictures and
+        that truth, and `augment.json`.
 
     Returns
     -------
@@ -84,12 +89,16 @@ def augment(
     gain = settings.sky_gain or estimate_sky_gain(scene, frames, normals, settings)
     logger.info("unseen sky at %.2f of its level", gain)
     passed: dict[str, list[Frame]] = {}
+    shield: Windshield | None = None
     projected: ProjectedFrame | None = None
     for index in tracked(frames, "wetting frames", len(frames)):
         projected = project_frame(scene, index, projected, gain)
         separation = separate_frame(projected, scene, normals, settings)
         for w, name, water in zip(wetness, names, levels, strict=True):
             result = _result(projected, separation, np.clip(water, 0, 1), mist, settings)
+            if settings.droplets > 0:
+                shield = shield or _windshield(projected, settings)
+                result = _through_drops(result, mist, shield, index, settings)
             _write_frame(folder / name, result, settings)
             passed.setdefault(name, []).append(_pass_truth(projected, folder / name, settings.format))
             report.append(_figures(result, w))
@@ -109,6 +118,20 @@ def _result(
         return FrameResult(frame, separation, water, wet)
     misty = misty_frame(frame, separation, wet, water, mist, settings.samples, settings.seed, settings.bounces)
     return FrameResult(frame, separation, water, wet, misty)
+
+
+def _windshield(frame: ProjectedFrame, settings: AugmentSettings) -> Windshield:
+    glass = glass_before(frame.camera, settings.windshield)
+    return Windshield(glass, settings.droplets, settings.windshield, settings.seed)
+
+
+def _through_drops(
+    result: FrameResult, mist: MediumArrays | None, shield: Windshield, index: int, settings: AugmentSettings
+) -> FrameResult:
+    """Return a frame seen past the drops that lie on the glass by then: the drive's first frame starts with the first drops."""
+    so_far = (result.frame, result.separation, result.image, result.raw, result.water, mist)
+    draws = (settings.samples, settings.seed, settings.bounces)
+    return replace(result, droplets=droplet_frame(*so_far, shield.glass, shield.at(index), settings.windshield, *draws))
 
 
 def estimate_sky_gain(scene: Scene, frames: list[int], normals: NDArray[np.float32], settings: AugmentSettings) -> float:
@@ -259,6 +282,8 @@ def _figures(result: FrameResult, w: float) -> dict[str, Any]:
         everywhere = np.ones_like(separation.share)
         figures["mean_transmittance"] = float(result.mist.transmittance.mean())
         figures["standard_error_levels_mist"] = _standard_error(frame, result.mist.variance, everywhere)
+    if result.droplets is not None:
+        figures["mean_droplet_cover"] = float(result.droplets.covered.mean())
     return figures
 
 
@@ -269,6 +294,7 @@ def _record(scene: Scene, w: float, settings: AugmentSettings, frames: list[dict
         "scene": scene.name,
         "wetness": w,
         "mist": settings.mist,
+        "droplets": settings.droplets,
         "settings": as_dict(settings),
         "frames": frames,
         "versions": {name: _version(name) for name in packages},
@@ -283,8 +309,9 @@ def _version(package: str) -> str | None:
 
 
 def folder_name(w: float, settings: AugmentSettings) -> str:
-    """Name the folder of a wetness, and of mist, so that names sort as numbers do: `w0.33`, `w0.33_m0.50`."""
-    return f"w{w:.2f}" + (f"_m{settings.mist:.2f}" if settings.mist > 0 else "")
+    """Name the folder of a wetness so that names sort as numbers do: `w0.33`, with mist and drops `w0.33_m0.50_d0.20`."""
+    more = "".join(f"_{key}{value:.2f}" for key, value in (("m", settings.mist), ("d", settings.droplets)) if value > 0)
+    return f"w{w:.2f}{more}"
 
 
 def summarise(report: list[dict[str, Any]]) -> None:

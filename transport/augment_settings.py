@@ -8,6 +8,7 @@ from materials.foundation.settings import check_settings, setting
 from materials.relief_settings import ImageRelief
 from scene.wetting.spray_settings import SpraySettings
 from scene.wetting.water_settings import WaterSettings
+from scene.wetting.windshield_settings import WindshieldSettings
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,7 @@ class AugmentSettings:
     )
     strength: float = setting(0.95, "how far full accumulation goes towards smooth water (eq 6.13)", within="[0, 1]")
     mist: float = setting(0.0, "amount of spray and mist, 0 to 1 (mean free path 50 m at the ground)", within="[0, 1]")
+    droplets: float = setting(0.0, "amount of drops on the windshield, 0 to 1", within="[0, 1]")
     bounces: int = setting(3, "reflections followed between ground and objects", within="[1, 64]")
     samples: int = setting(64, "paths per pixel", within="[1, 65536]")
     noise: float = setting(
@@ -40,6 +42,7 @@ class AugmentSettings:
     relief: ImageRelief = field(default_factory=ImageRelief)
     water: WaterSettings = field(default_factory=WaterSettings)
     spray: SpraySettings = field(default_factory=SpraySettings)
+    windshield: WindshieldSettings = field(default_factory=WindshieldSettings)
 
     def __post_init__(self) -> None:
         check_settings(self)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from .droplets import DropletFrame
 from .mist import MistyFrame
 from .projected_world import ProjectedFrame
 from .separate import Separation
@@ -15,23 +16,29 @@ from .wet import WetFrame
 
 @dataclass(frozen=True)
 class FrameResult:
-    """A frame at one wetness, in memory; `mist` is None in clear air."""
+    """A frame at one wetness, in memory; `mist` is None in clear air, `droplets` where the windshield is clean."""
 
     frame: ProjectedFrame
     separation: Separation
     water: NDArray[np.float32]
     wet: WetFrame
     mist: MistyFrame | None = None
+    droplets: DropletFrame | None = None
+
+    @property
+    def last(self) -> WetFrame | MistyFrame | DropletFrame:
+        """The frame with all effects."""
+        return self.droplets or self.mist or self.wet
 
     @property
     def image(self) -> NDArray[np.float32]:
         """The picture with all effects, linear."""
-        return self.wet.image if self.mist is None else self.mist.image
+        return self.last.image
 
     @property
     def raw(self) -> NDArray:
         """The same as the input's file stores it."""
-        return self.wet.raw if self.mist is None else self.mist.raw
+        return self.last.raw
 
 
 def layers(result: FrameResult) -> dict[str, NDArray]:
@@ -65,12 +72,15 @@ def layers(result: FrameResult) -> dict[str, NDArray]:
     if result.mist is not None:
         add("mist.scattered", result.mist.scattered, "RGB")
         out["mist.transmittance"] = result.mist.transmittance
+    if result.droplets is not None:
+        add("droplets", result.droplets.light, "RGB")
+        out["droplets.A"] = result.droplets.covered
     return out
 
 
 def labels(result: FrameResult) -> dict[str, NDArray[np.uint8]]:
-    """Return label maps: share of ground, saturation and accumulation (0 to 255), what changed (0 or 255), and
-    what mist lets through (0 to 255)."""
+    """Return label maps: share of ground, saturation and accumulation (0 to 255), what changed (0 or 255), what
+    mist lets through and how far drops cover the lens (0 to 255)."""
     sep, wet = result.separation, result.wet
     share = np.maximum(sep.share, 1e-6)[..., None]
     wetness = np.rint(255 * np.clip(wet.wet.wetness / share, 0, 1)).astype(np.uint8)
@@ -84,4 +94,6 @@ def labels(result: FrameResult) -> dict[str, NDArray[np.uint8]]:
     }
     if result.mist is not None:
         found["transmittance"] = np.rint(255 * np.clip(result.mist.transmittance, 0, 1)).astype(np.uint8)
+    if result.droplets is not None:
+        found["droplets"] = np.rint(255 * np.clip(result.droplets.covered, 0, 1)).astype(np.uint8)
     return found
