@@ -43,6 +43,22 @@ def mitsuba(variant: str = "llvm_ad_rgb") -> ModuleType:
     return module
 
 
+def ceres() -> ModuleType:
+    """Return pyceres, installed into this environment first if need be.
+
+    Raises
+    ------
+    PeerMissing
+        If it cannot be installed.
+    """
+    try:
+        return importlib.import_module("pyceres")
+    except ModuleNotFoundError:
+        _install(Path(sys.executable), CHECKOUT / "requirements-peers.lock", "Ceres")
+        importlib.invalidate_caches()
+        return importlib.import_module("pyceres")
+
+
 def blender_python() -> Path:
     """Return a Python that can `import bpy` (Blender as a module), in an environment of its own, `.venv/blender`.
 

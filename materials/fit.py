@@ -12,7 +12,7 @@ nonlinear parameters. Kraft (1988), A Software Package for Sequential Quadratic 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -32,6 +32,9 @@ Floats = NDArray[np.float64]
 Fitted = TypeVar("Fitted")
 _MAIN, _OFF, _ANY = (0.1, 0.5), (0.5, 0.95), (0.02, 1.0)
 _MAX_TILT = math.radians(45)
+_SEED_EVERY = 8
+_WARM_COST = 2.0
+"""A texel that started from its neighbour and costs more than that many times as much also starts from scratch."""
 
 
 @dataclass(frozen=True)
@@ -100,12 +103,15 @@ def fit_texel(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSettings(
 def fit(abrdf: ABRDF, settings: FitSettings = FitSettings()) -> list[TexelFit]:
     """Fit all texels, on all cores; each depends on itself alone, so that threads cannot change the result."""
     flat = abrdf.normalise().flat()
-    done = _over_texels(lambda t: _fit(flat, t, settings), flat.num_texels, settings)
+    done = _over_texels(lambda t: _fit(flat, t, settings), range(flat.num_texels), settings)
     return list(tracked(done, "fitting texels", flat.num_texels))
 
 
 def fit_where_possible(abrdf: ABRDF, settings: FitSettings, frames: Floats | None = None) -> list[TexelFit | None]:
-    """As `fit`, with None for a texel that has too few valid samples.
+    """As `fit`, with None for a texel that has too few valid samples, and, if set, warm starts.
+
+    Every eighth texel starts from scratch; the others start from the nearest of these, and from scratch too if they end at more
+    than twice its cost.
 
     Parameters
     ----------
@@ -116,22 +122,31 @@ def fit_where_possible(abrdf: ABRDF, settings: FitSettings, frames: Floats | Non
     """
     flat = abrdf.normalise().flat()
 
-    def one(t: int) -> TexelFit | None:
+    def one(t: int, near: TexelFit | None = None) -> TexelFit | None:
         try:
-            return _fit(flat, t, settings, None if frames is None else frames[t])
+            return _fit(flat, t, settings, None if frames is None else frames[t], near)
         except InputError:
             return None
 
-    return list(_over_texels(one, flat.num_texels, settings))
+    count = flat.num_texels
+    if not settings.warm_starts or count < 2 * _SEED_EVERY:
+        return list(_over_texels(one, range(count), settings))
+    # The same texels are seeds whatever the number of threads, so that threads cannot change the result.
+    seeds = range(0, count, _SEED_EVERY)
+    found = dict(zip(seeds, _over_texels(one, seeds, settings), strict=True))
+    others = [t for t in range(count) if t not in found]
+    nearest = {t: found[min(round(t / _SEED_EVERY), len(seeds) - 1) * _SEED_EVERY] for t in others}
+    found |= dict(zip(others, _over_texels(lambda t: one(t, nearest[t]), others, settings), strict=True))
+    return [found[t] for t in range(count)]
 
 
-def _over_texels(one: Callable[[int], Fitted], count: int, settings: FitSettings) -> Iterator[Fitted]:
-    if settings.threads == 1 or count == 1:
-        yield from (one(t) for t in range(count))
+def _over_texels(one: Callable[[int], Fitted], texels: Sequence[int], settings: FitSettings) -> Iterator[Fitted]:
+    if settings.threads == 1 or len(texels) == 1:
+        yield from (one(t) for t in texels)
         return
     # Threads, as all that takes long is compiled and lets go of the interpreter.
     with ThreadPoolExecutor(settings.threads or None) as pool:
-        yield from pool.map(one, range(count))
+        yield from pool.map(one, texels)
 
 
 def estimate_normal(abrdf: ABRDF, texel: int = 0, settings: FitSettings = FitSettings()) -> Floats:
@@ -145,35 +160,63 @@ def _normal(flat: ABRDF, texel: int, settings: FitSettings) -> Floats:
     return problem.frame(x)
 
 
-def _fit(flat: ABRDF, texel: int, settings: FitSettings, base: Floats | None = None) -> TexelFit:
+def _fit(flat: ABRDF, texel: int, settings: FitSettings, base: Floats | None = None, near: TexelFit | None = None) -> TexelFit:
     if base is None:
         base = _normal(flat, texel, settings) if settings.normals else np.eye(3)
+    if near is not None:
+        warm = _fit_about(flat, texel, settings, base, near)
+        if warm.cost <= _WARM_COST * near.cost:
+            return warm
+        return min(warm, _fit_about(flat, texel, settings, base, None), key=lambda fit: fit.cost)
+    return _fit_about(flat, texel, settings, base, None)
+
+
+def _fit_about(flat: ABRDF, texel: int, settings: FitSettings, base: Floats, near: TexelFit | None) -> TexelFit:
+    """Fit about a frame: from scratch, or from the fit of a neighbour."""
     if not settings.constrained:
         problem = _problem(flat, texel, settings, settings.free_angle_deg, settings.model, settings.lobes, base)
         widths = [(0.1,), (0.3,)] if settings.lobes == 1 else [(0.1, 0.5), (0.3, 0.8)]
-        return _best(problem, widths, problem.bounds([_ANY] * settings.lobes), settings)
+        return _best(problem, widths, problem.bounds([_ANY] * settings.lobes), settings, near)
     first = _problem(flat, texel, settings, settings.first_angle_deg, settings.model, 1, base)
-    one = _best(first, [(0.15,), (0.35,)], first.bounds([_MAIN]), settings)
+    narrow = [(0.15,), (0.35,)] if near is None else [(float(np.sqrt(near.alpha[0].prod())),)]
+    x, _ = _minimise(first, narrow, first.bounds([_MAIN]), settings)
+    one_diffuse, _, one_alpha, _ = first.split(x)
     problem = _problem(flat, texel, settings, settings.full_angle_deg, settings.model, settings.lobes, base)
-    main = float(np.sqrt(one.alpha[0].prod()))
+    main = float(np.sqrt(one_alpha[0].prod()))
     widths = [(main,)] if settings.lobes == 1 else [(main, 0.6), (main, 0.85)]
-    top = np.maximum(one.diffuse, 1e-6)
+    top = np.maximum(one_diffuse, 1e-6)
     bounds = problem.bounds([_MAIN, _OFF][: settings.lobes], diffuse=(settings.diffuse_share * top, top))
-    return _best(problem, widths, bounds, settings)
+    return _best(problem, widths, bounds, settings, near)
 
 
 def _minimise(
-    problem: Problem, widths: list[tuple[float, ...]], bounds: tuple[Floats, Floats], settings: FitSettings
+    problem: Problem,
+    widths: list[tuple[float, ...]],
+    bounds: tuple[Floats, Floats],
+    settings: FitSettings,
+    near: TexelFit | None = None,
 ) -> tuple[Floats, float]:
-    """Minimise from several widths, as the landscape over them has several valleys, and keep the lowest."""
-    starts = [problem.start(w) for w in widths]
+    """Minimise from several widths, as the landscape over them has several valleys, or from a neighbour; keep the lowest."""
+    starts = [problem.start(w) for w in widths] if near is None else [_start_near(problem, near)]
     if settings.solver == "levenberg":
         return problem.minimise(starts, bounds)
     return min((problem.minimise_slsqp(s, bounds) for s in starts), key=lambda found: found[1])
 
 
-def _best(problem: Problem, widths: list[tuple[float, ...]], bounds: tuple[Floats, Floats], settings: FitSettings) -> TexelFit:
-    x, value = _minimise(problem, widths, bounds, settings)
+def _start_near(problem: Problem, near: TexelFit) -> Floats:
+    tangent = problem.base.T @ near.frame[:, 0]
+    turn = 0.0 if problem.tied else math.atan2(tangent[1], tangent[0])
+    return np.concatenate([near.diffuse, near.specular.ravel(), near.alpha.ravel(), (0.0, 0.0, turn)])
+
+
+def _best(
+    problem: Problem,
+    widths: list[tuple[float, ...]],
+    bounds: tuple[Floats, Floats],
+    settings: FitSettings,
+    near: TexelFit | None = None,
+) -> TexelFit:
+    x, value = _minimise(problem, widths, bounds, settings, near)
     diffuse, specular, alpha, _ = problem.split(x)
     covariance, relative = problem.statistics(x, bounds)
     return TexelFit(diffuse.copy(), specular.copy(), alpha.copy(), problem.frame(x), value, relative, covariance)

@@ -18,8 +18,8 @@ from .kernels.lobe_gradients import HALF_VECTOR
 Floats = NDArray[np.float64]
 KINDS = {"phong": PHONG, "ward": WARD, "ct": COOK_TORRANCE, "ggx": GGX, "half_vector": HALF_VECTOR}
 _MAX_EVALUATIONS = 400
-_ROUGH_SAMPLES = 1500
-_ROUGH, _FINE = 1e-5, 1e-7
+_ROUGH_SAMPLES = 1000
+_ROUGH, _FINE = 1e-5, 1e-6
 
 
 @dataclass(frozen=True)
@@ -118,12 +118,10 @@ class Problem:
         best, least = starts[0], math.inf
         for start in starts:
             x = start.copy()
-            rough = (self.stride, _ROUGH) if self.stride > 1 else (1, _FINE)
-            value, _ = solver.minimise(*self._given, x, low, high, self.lobes, self.loss_scale, *rough, _MAX_EVALUATIONS)
+            value = self._descend(x, low, high, self.stride, _ROUGH)
             if value < least:
                 best, least = x, value
-        if self.stride > 1:
-            least, _ = solver.minimise(*self._given, best, low, high, self.lobes, self.loss_scale, 1, _FINE, _MAX_EVALUATIONS)
+        least = self._descend(best, low, high, 1, _FINE)
         return self._canonical(best, bounds), float(least)
 
     def minimise_slsqp(self, start: Floats, bounds: tuple[Floats, Floats]) -> tuple[Floats, float]:
@@ -178,6 +176,10 @@ class Problem:
         inverse = np.linalg.pinv(hessian[np.ix_(free, free)] * np.outer(scale, scale), rcond=1e-12) * np.outer(scale, scale)
         covariance[np.ix_(free, free)] = inverse @ meat[np.ix_(free, free)] @ inverse
         return np.delete(np.delete(covariance, (-3, -2), 0), (-3, -2), 1), residual / max(level, 1e-300)
+
+    def _descend(self, x: Floats, low: Floats, high: Floats, stride: int, tolerance: float) -> float:
+        limits = (low, high, self.lobes, self.loss_scale, stride, tolerance, _MAX_EVALUATIONS)
+        return float(solver.minimise(*self._given, x, *limits)[0])
 
     @property
     def stride(self) -> int:

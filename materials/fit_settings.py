@@ -24,6 +24,7 @@ class FitSettings:
     solver: str = setting(
         "levenberg", "minimiser: levenberg (compiled) or slsqp (NLopt's, ten times slower)", choices=("levenberg", "slsqp")
     )
+    warm_starts: bool = setting(True, "start most texels of a texture from a neighbour's fit")
     threads: int = setting(0, "threads; 0 takes all cores", within="[0, 1024]")
 
     def __post_init__(self) -> None:

@@ -63,6 +63,7 @@ def normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, 
     slopes = np.empty((lobes, 5))  # of one lobe by its widths and by the angles
     row = np.empty(shared)
     by_factor = np.empty(3)
+    turn_i, turn_o = np.empty((3, 3)), np.empty((3, 3))  # how the local directions move with the angles
     linear = np.empty(1 + lobes)
     total, used = 0.0, 0
     for j in range(0, num, stride):
@@ -77,7 +78,10 @@ def normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, 
             continue
         factor = local_i[2] / a[2]
         for m in range(3):
-            by_factor[m] = (by_angle[m, 0, 2] * a[0] + by_angle[m, 1, 2] * a[1] + by_angle[m, 2, 2] * a[2]) / a[2]
+            for q in range(3):
+                turn_i[m, q] = by_angle[m, 0, q] * a[0] + by_angle[m, 1, q] * a[1] + by_angle[m, 2, q] * a[2]
+                turn_o[m, q] = by_angle[m, 0, q] * b[0] + by_angle[m, 1, q] * b[1] + by_angle[m, 2, q] * b[2]
+            by_factor[m] = turn_i[m, 2] / a[2]
         for k in range(lobes):
             at = first + 2 * k
             alpha_v = x[at] if tied else x[at + 1]
@@ -86,8 +90,7 @@ def normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, 
             for m in range(3):
                 s = 0.0
                 for q in range(3):
-                    s += gi[q] * (by_angle[m, 0, q] * a[0] + by_angle[m, 1, q] * a[1] + by_angle[m, 2, q] * a[2])
-                    s += go[q] * (by_angle[m, 0, q] * b[0] + by_angle[m, 1, q] * b[1] + by_angle[m, 2, q] * b[2])
+                    s += gi[q] * turn_i[m, q] + go[q] * turn_o[m, q]
                 slopes[k, 2 + m] = s
         scaled = weight * factor
         linear[0] = scaled * _INV_PI
