@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from materials.foundation.checks import check_range
 from materials.foundation.progress import tracked
 from scene.camera import Camera
+from scene.simulation import Lens
 from scene.transforms import transform_points
 
 from .kernels import path
+from .kernels.arrays import CameraArrays
+from .kernels.optics import OpticsArrays
+from .lens import Shutter, compile_optics
 from .world import World, compile_camera
 
 _ROWS_PER_STEP = 64
@@ -46,6 +50,8 @@ def render(
     specular_only: bool = False,
     clamp: float = np.inf,
     label: str = "rendering",
+    lens: Lens | None = None,
+    shutter: Shutter | None = None,
 ) -> Rendering:
     """Trace paths through every pixel, and through the world's medium if it has one.
 
@@ -62,16 +68,20 @@ def render(
     clamp : float
         Largest contribution of one indirect path; infinity is unbiased, a finite value trades the rare bright pixels
         of sunlight in mirrors for a small loss of indirect light.
+    lens : Lens, optional
+        A thin lens, or distortion besides that of an OPENCV camera; by default a pinhole.
+    shutter : Shutter, optional
+        The camera's way while it exposes; by default it stands still.
 
     Raises
     ------
     InputError
-        If the camera's lens distorts or a number is out of range.
+        If a number is out of range, or as `compile_optics`.
     """
     check_range("clamp", clamp, "(0, inf]")
     check_range("samples", samples, "[1, 1048576]")
     check_range("max_bounces", max_bounces, "[0, 1024]")
-    view = compile_camera(camera)
+    view, optics = _compiled(camera, lens, shutter)
     total = np.zeros((camera.height, camera.width, 3))
     square = np.zeros_like(total)
     for first_row in tracked(range(0, camera.height, _ROWS_PER_STEP), label):
@@ -81,6 +91,7 @@ def render(
             world.lights,
             world.medium,
             view,
+            optics,
             first_row,
             last_row,
             0,
@@ -95,6 +106,12 @@ def render(
     mean = total / samples
     variance = variance_of_mean(mean, square / samples, samples)
     return Rendering(mean.astype(np.float32), variance.astype(np.float32), samples)
+
+
+def _compiled(camera: Camera, lens: Lens | None, shutter: Shutter | None) -> tuple[CameraArrays, OpticsArrays | None]:
+    optics = compile_optics(camera, lens, shutter)
+    straight = camera if optics is None else replace(camera, model="PINHOLE", k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+    return compile_camera(straight), optics
 
 
 def variance_of_mean(mean: NDArray[np.float64], mean_square: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
@@ -141,18 +158,15 @@ class GBuffer:
     instance: NDArray[np.int32]
 
 
-def gbuffer(world: World, camera: Camera) -> GBuffer:
-    """Return what each pixel's centre sees.
+def gbuffer(world: World, camera: Camera, lens: Lens | None = None, shutter: Shutter | None = None) -> GBuffer:
+    """Return what each pixel's centre sees, through the middle of the lens and at the middle of its exposure.
 
-    Raises
-    ------
-    InputError
-        If the camera's lens distorts.
+    `depth` is that before the camera at rest, as the shutter opens. Parameters and refusals are those of `render`.
     """
-    view, w = compile_camera(camera), world.arrays
+    (view, optics), w = _compiled(camera, lens, shutter), world.arrays
     size = (camera.height, camera.width)
     face, b1, b2, distance = np.zeros(size, np.int64), np.zeros(size), np.zeros(size), np.zeros(size)
-    path.primary(w, view, face, b1, b2, distance)
+    path.primary(w, view, optics, face, b1, b2, distance)
     seen = face >= 0
     corners = w.faces[np.where(seen, face, 0)]
     weights = np.stack([1 - b1 - b2, b1, b2], axis=-1)

@@ -10,9 +10,10 @@ from numba import njit
 from materials.kernels import bsdf
 from materials.kernels.frames import basis, to_local, to_world
 from transport.kernels.lights import environment_radiance, num_lights, sample_light
-from transport.kernels.path import camera_ray, first_hit, is_visible
+from transport.kernels.optics import camera_ray
 from transport.kernels.rays import ray_buffer
 from transport.kernels.shading import hit_at, leave, surface_at
+from transport.kernels.visibility import first_hit, is_visible
 
 # Plain random numbers on purpose: the twins share neither the sampler nor the weights of the tracer.
 _BY_LIGHTS, _BY_SURFACE, _WITHOUT_COSINE = 0, 1, 2

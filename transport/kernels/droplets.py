@@ -14,7 +14,8 @@ from numba import njit, prange
 from materials.kernels.frames import dot, normalize, refract
 from materials.kernels.fresnel import dielectric
 
-from .path import TILE, camera_ray
+from .optics import camera_ray
+from .path import TILE
 from .rays import hit_normal, intersect, ray_buffer
 from .sampler import draw2, hash2
 from .wet import reflected_radiance

@@ -17,7 +17,8 @@ from materials.kernels.frames import dot
 
 from .emitters import FAR
 from .media import extinction, flight, phase_of, span, tracking, uniform
-from .path import TILE, camera_ray
+from .optics import camera_ray
+from .path import TILE
 from .projected import GROUND, faces_viewer, nearest, role_of
 from .rays import ray_buffer
 from .sampler import draw1, draw2, hash2

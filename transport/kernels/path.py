@@ -19,6 +19,7 @@ from .arrays import ONE_SIDED, SUN_POWER
 from .emitters import FAR, emitted, sphere_seen, surface_density
 from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
 from .media import flight, phase_of, tracking, transmittance
+from .optics import central_ray, sample_ray
 from .rays import ray_buffer
 from .sampler import draw1, draw2, hash2
 from .shading import (
@@ -228,23 +229,13 @@ def radiance(world, lights, medium, buffer, s, stream, index, origin, direction,
     return lr, lg, lb
 
 
-@njit(cache=True)
-def camera_ray(camera, x, y):
-    """Return origin and unit direction of the ray through pixel position (x, y)."""
-    c, sx, sy = camera.corner, camera.step_x, camera.step_y
-    v = (c[0] + x * sx[0] + y * sy[0], c[1] + x * sx[1] + y * sy[1], c[2] + x * sx[2] + y * sy[2])
-    if camera.orthographic:
-        return v, (camera.forward[0], camera.forward[1], camera.forward[2])
-    length = math.sqrt(dot(v, v))
-    return (camera.origin[0], camera.origin[1], camera.origin[2]), (v[0] / length, v[1] / length, v[2] / length)
-
-
 @njit(cache=True, parallel=True)
 def render(
     world,
     lights,
     medium,
     camera,
+    optics,
     first_row,
     last_row,
     first,
@@ -272,7 +263,7 @@ def render(
                 stream = hash2(np.uint32(row * width + col), np.uint32(seed))
                 for i in range(first, first + count):
                     jx, jy = draw2(stream, i, 0)
-                    o, d = camera_ray(camera, col + jx, row + jy)
+                    o, d = sample_ray(camera, optics, stream, i, col + jx, row + jy)
                     e = radiance(
                         world, lights, medium, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp
                     )
@@ -282,10 +273,10 @@ def render(
 
 
 @njit(cache=True, parallel=True)
-def primary(world, camera, face, b1, b2, distance):
+def primary(world, camera, optics, face, b1, b2, distance):
     """Fill (H, W) arrays with what each pixel's centre sees: face (-1: nothing), barycentric coordinates, distance [m]."""
     for row in prange(camera.height):
         buffer, s = ray_buffer()
         for col in range(camera.width):
-            o, d = camera_ray(camera, col + 0.5, row + 0.5)
+            o, d = central_ray(camera, optics, col + 0.5, row + 0.5)
             face[row, col], b1[row, col], b2[row, col], distance[row, col] = first_hit(world, buffer, s, o, d)

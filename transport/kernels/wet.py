@@ -22,7 +22,8 @@ from materials.kernels.wetness import levels, wet_lobe
 
 from .emitters import FAR
 from .media import flight, phase_of, tracking, uniform
-from .path import TILE, camera_ray
+from .optics import camera_ray
+from .path import TILE
 from .projected import GROUND, faces_viewer, nearest, project, radiance_of, role_of, sky_radiance
 from .rays import ray_buffer
 from .sampler import draw2, hash2
