@@ -30,11 +30,13 @@ from .build_report import measure, write_report
 from .build_settings import BuildSettings
 from .cardboard import GroundCaster, cardboards
 from .cloud import Cloud, accumulate, moved, path_of, read_cloud, world_offset, write_cloud
+from .moving_masks import read_moving, with_motion_masks, write_motion_masks, write_moving
 from .stages import StageResult, Stages, digest_of, file_digest
 from .surface import reconstruct_environment, reconstruct_ground
 
 # Every 50th point is kept from the surfaces, so that their error can be measured on points they never saw.
 HELD_OUT = 50
+_MOVING = "moving.npz"
 
 
 def build(recording: Recording, folder: str | Path, settings: BuildSettings | None = None) -> Scene:
@@ -73,10 +75,10 @@ def build(recording: Recording, folder: str | Path, settings: BuildSettings | No
     stages = Stages(folder / ".stages")
     source = _source_digest(recording, offset)
 
-    masked, boxes = _masked(recording, settings, source, stages)
-    copied = stages.run("recording", {"source": source, "masks": _digest(stages, "masks")}, lambda out: _copy(masked, out))
     cloud_inputs = {"source": source, "settings": _plain(settings, "cloud", "dynamics", "ground")}
     cloud_stage = stages.run("cloud", cloud_inputs, lambda out: _cloud(recording, settings, offset, out))
+    masked, boxes = _masked(recording, settings, source, cloud_stage, stages)
+    copied = stages.run("recording", {"source": source, "masks": _digest(stages, "masks")}, lambda out: _copy(masked, out))
     surface_inputs = {"cloud": cloud_stage.digest, "settings": _plain(settings, "surface", "height_field")}
     ground_stage = stages.run("ground", surface_inputs, lambda out: _ground(cloud_stage, recording, settings, out))
     surface_inputs = {"cloud": cloud_stage.digest, "settings": _plain(settings, "surface")}
@@ -136,14 +138,22 @@ def _describe(folder: Path, scene: Scene, cloud: Cloud, stages: Stages, board_st
     write_report(folder, report, previews)
 
 
-def _masked(recording: Recording, settings: BuildSettings, source: str, stages: Stages) -> tuple[Recording, list[dict[int, Box]]]:
-    """Return the recording with masks drawn from boxes, where it has boxes and no masks, and these boxes by their ids."""
-    if all(frame.boxes is None or frame.masks is not None for frame in recording.frames):
-        return recording, [{} for _ in recording.frames]
-    drawn = boxes_to_draw(recording, settings.dynamics)
-    inputs = {"source": source, "settings": _plain(settings, "dynamics")}
-    stage = stages.run("masks", inputs, lambda out: write_box_masks(recording, drawn, out))
-    return with_box_masks(recording, drawn, stage.folder), drawn
+def _masked(
+    recording: Recording, settings: BuildSettings, source: str, cloud: StageResult, stages: Stages
+) -> tuple[Recording, list[dict[int, Box]]]:
+    """Return the recording with masks, drawn from boxes or from what moved where it has none; and the boxes by their ids."""
+    no_boxes: list[dict[int, Box]] = [{} for _ in recording.frames]
+    if any(frame.boxes is not None and frame.masks is None for frame in recording.frames):
+        drawn = boxes_to_draw(recording, settings.dynamics)
+        inputs = {"source": source, "settings": _plain(settings, "dynamics")}
+        stage = stages.run("masks", inputs, lambda out: write_box_masks(recording, drawn, out))
+        return with_box_masks(recording, drawn, stage.folder), drawn
+    if (cloud.folder / _MOVING).exists():
+        moving = read_moving(cloud.folder / _MOVING)
+        inputs = {"source": source, "cloud": cloud.digest}
+        stage = stages.run("masks", inputs, lambda out: write_motion_masks(recording, moving, out))
+        return with_motion_masks(recording, moving, stage.folder), no_boxes
+    return recording, no_boxes
 
 
 def _digest(stages: Stages, name: str) -> str | None:
@@ -160,6 +170,8 @@ def _cloud(recording: Recording, settings: BuildSettings, offset: NDArray[np.flo
     except InputError as error:
         raise error.at(file=recording.root) from error
     write_cloud(out / "cloud.npz", cloud)
+    if cloud.moving is not None and len(cloud.moving.ids):
+        write_moving(out / _MOVING, cloud.moving)
 
 
 def _used(cloud: Cloud) -> NDArray[np.bool_]:

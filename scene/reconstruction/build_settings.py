@@ -47,6 +47,7 @@ class DynamicsSettings:
     free_space_votes: int = setting(2, "sweeps that must have seen through a point before it is called moving", within="[1, 65535]")
     free_space_share: float = setting(0.2, "and their share among all sweeps that saw the place [0 to 1]", within="[0, 1]")
     free_space_range: float = setting(50.0, "beams beyond this range do not vote [m]", within="[0, 10000]")
+    motion_masks: bool = setting(True, "what the sweeps saw move gets masks, where the recording has neither masks nor boxes")
     slow_traffic: bool = setting(True, "things that move from sweep to sweep go, though no beam sees through their place")
 
     def __post_init__(self) -> None:

@@ -20,6 +20,7 @@ from . import dynamics
 from .boxed_objects import in_boxes, moving_boxes
 from .build_settings import CloudSettings, DynamicsSettings, GroundSettings
 from .ground import split_ground
+from .moving_masks import MovingThings, things_that_moved
 from .slow_objects import slowly_moving
 
 Floats = NDArray[np.floating]
@@ -43,6 +44,8 @@ class Cloud:
         0 = scanner or given cloud, 1 = stereo.
     counts : dict
         How many points entered and how many each filter took, in order.
+    moving : MovingThings or None
+        What the sweeps saw move, if that was asked for; it is not written with the cloud.
     """
 
     points_world: NDArray[np.float32]
@@ -50,6 +53,7 @@ class Cloud:
     is_ground: NDArray[np.bool_]
     sources: NDArray[np.uint8]
     counts: dict[str, int]
+    moving: MovingThings | None = None
 
     def part(self, chosen: NDArray[np.bool_]) -> Cloud:
         return Cloud(
@@ -122,7 +126,7 @@ def accumulate(
     dynamics_settings = dynamics_settings or DynamicsSettings()
     path = path_of(recording)
     counts: dict[str, int] = {}
-    points, sensors, sources = _scanned(recording, settings, dynamics_settings, ground_settings, counts)
+    points, sensors, sources, moving = _scanned(recording, settings, dynamics_settings, ground_settings, counts)
     if recording.points is not None:
         given = recording.points_unit * read_points_far(recording.points)[:, :3] + (0.0 if offset is None else offset)
         counts["in given cloud"] = len(given)
@@ -156,7 +160,7 @@ def accumulate(
     counts["after thinning"] = len(points)
     is_ground = split_ground(points, path, ground_settings)
     counts["ground"], counts["environment"] = int(is_ground.sum()), int((~is_ground).sum())
-    return Cloud(points.astype(np.float32), sensors.astype(np.float32), is_ground, sources, counts)
+    return Cloud(points.astype(np.float32), sensors.astype(np.float32), is_ground, sources, counts, moving)
 
 
 def _check_one_world(points: Floats, recording: Recording) -> None:
@@ -176,11 +180,11 @@ def _check_one_world(points: Floats, recording: Recording) -> None:
 
 
 def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_settings, counts: dict[str, int]):
-    """Return points, scanner places and sources of all sweeps, in the world, without what moved."""
+    """Return points, scanner places and sources of all sweeps, in the world, without what moved; and what did."""
     frames = [frame for frame in recording.frames if frame.points is not None]
     empty = np.zeros((0, 3))
     if not frames:
-        return empty, empty, np.zeros(0, np.uint8)
+        return empty, empty, np.zeros(0, np.uint8), None
     sweeps, kept, owner = [], [], []
     total = ego = far = masked = boxed = 0
     boxes = dict(zip((id(frame) for frame in recording.frames), moving_boxes(recording, dynamics_settings), strict=True))
@@ -208,21 +212,26 @@ def _scanned(recording, settings: CloudSettings, dynamics_settings, ground_setti
     if len(points) == 0:
         raise InputError("hold points beyond the vehicle itself", got="none", file=frames[0].points.file, key="the sweeps")
     places = np.array([frame.points.T_world_points[:3, 3] for frame in frames])
+    moving = None
     if len(frames) > dynamics_settings.free_space_votes:
         through, agree = dynamics.free_space_votes(points, sweep, sweeps, dynamics_settings)
         is_ground = split_ground(points, places, ground_settings)
         driven = dynamics.on_driven_path(points, places)
+        above = dynamics.height_above_ground(points, points[is_ground]) if is_ground.any() else np.zeros(len(points))
         if dynamics_settings.slow_traffic and is_ground.any():
-            above = dynamics.height_above_ground(points, points[is_ground])
             driven |= slowly_moving(points, sweep, above, places, dynamics_settings.free_space_range)
         through[driven & ~is_ground] += 2 * dynamics_settings.free_space_votes
         gone = dynamics.moving(points, through, agree, is_ground, dynamics_settings)
         counts["seen through, removed"] = int(gone.sum())
+        if dynamics_settings.motion_masks and not any(frame.masks or frame.boxes for frame in recording.frames):
+            number = np.array([i for i, frame in enumerate(recording.frames) if frame.points is not None])
+            above_ground = ~is_ground & (above > 0.05)
+            moving = things_that_moved(points[above_ground], number[sweep[above_ground]], above[above_ground], gone[above_ground])
         gone |= dynamics.remnants(points, is_ground | gone)
         points, sweep = points[~gone], sweep[~gone]
     else:
         logger.info("free-space votes need more than %d sweeps, got %d", dynamics_settings.free_space_votes, len(frames))
-    return points, places[sweep], np.zeros(len(points), np.uint8)
+    return points, places[sweep], np.zeros(len(points), np.uint8), moving
 
 
 def _stereo(recording: Recording, points: Floats, path: Floats, counts: dict[str, int]):

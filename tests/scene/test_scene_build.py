@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import cv2
+import laspy
 import numpy as np
 import pytest
 
@@ -104,6 +105,37 @@ def test_boxes_serve_where_there_are_no_masks(drive, tmp_path):
         assert frame.masks is not None and frame.masks.classes == {1: "vehicle"} and frame.boxes is not None
         # The car ahead shows its back, 2.1 m before its centre.
         assert np.allclose(board.corners_world[:, 0], 7.9 + 4 * index, atol=1e-6)
+
+
+def test_a_surveyed_cloud_in_map_coordinates_and_its_pictures_make_a_scene(drive, tmp_path):
+    shutil.copytree(drive, tmp_path / "drive")
+    data = json.loads((drive / "recording.json").read_text())
+    origin, world = np.array([512_000.0, 5_403_000.0, 110.0]), []
+    for frame in data["frames"]:
+        sweep = frame.pop("points")
+        del frame["masks"]
+        points = np.load(drive / sweep["file"])["points"]
+        points = points[np.linalg.norm(points, axis=1) < 12]
+        world.append(points + np.array(sweep["T_world_points"])[:3, 3] + origin)
+        for row, shift in zip(frame["camera"]["T_world_camera"], (*origin, 0.0), strict=True):
+            row[3] += shift
+    header = laspy.LasHeader(point_format=3, version="1.2")
+    header.offsets, header.scales = origin, np.full(3, 0.001)
+    cloud = laspy.LasData(header)
+    cloud.x, cloud.y, cloud.z = np.concatenate(world).T
+    cloud.write(str(tmp_path / "drive" / "survey.laz"))
+    data["points"] = "survey.laz"
+    (tmp_path / "drive" / "recording.json").write_text(json.dumps(data))
+    assert main([str(tmp_path / "drive"), "-o", str(tmp_path / "scene"), "--quiet", *SMALL]) == 0
+    scene = read_scene(tmp_path / "scene")
+    # The world was moved to the middle of the path, in whole metres, and the settings say by how much.
+    moved = np.array(scene.settings["world_offset"])
+    assert np.abs(scene.recording.frames[1].camera.position).max() < 1.5
+    assert np.allclose(moved, -(origin + np.array([4.0, 0.0, 2.0])), atol=1.0)
+    report = json.loads((tmp_path / "scene" / "report.json").read_text())
+    # As from the sweeps: 1 cm of noise, and the millimetre of the file.
+    assert report["surfaces"]["ground"]["held_out_within_15_m_of_path_m"]["median"] < 0.02
+    assert report["ground_coverage"]["within 3 m"] > 0.95
 
 
 def test_a_second_run_keeps_every_stage(drive, built, capsys):
