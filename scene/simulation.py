@@ -69,8 +69,9 @@ class Material:
     with two or more channels both widths, and scales `alpha_u` and `alpha_v` where they are given. `tint` colours the lobes of
     `ggx`, `cook_torrance`, `ward` and `phong`; `tail` adds a second lobe to them. `emission` is times `emission_texture`.
     `normal_texture` holds tangent-space normals as 2 c - 1, `bump_texture` heights, times `bump_scale` [m]. A `one_sided`
-    surface is black from behind: it neither reflects nor emits there. A `film` may lie on `lambert`, `ggx` and
-    `coated`. `free` names the parameters that were not known exactly: a diagnosis fits them first.
+    surface is black from behind: it neither reflects nor emits there. `interior`, an even medium without bounds, fills a body of
+    `dielectric` or `rough_dielectric` whose faces look outwards; with `eta` 1 its surface is none to light. A `film` may lie
+    on `lambert`, `ggx` and `coated`. `free` names the parameters that were not known exactly: a diagnosis fits them first.
     """
 
     model: Literal[
@@ -114,6 +115,7 @@ class Material:
     normalisation: Literal["bounded", "original", "duer"] = "bounded"
     metal: tuple[RGB, RGB] | None = None
     principled: Principled | None = None
+    interior: Medium | None = None
 
 
 @dataclass(frozen=True)

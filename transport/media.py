@@ -9,13 +9,14 @@ from scipy.ndimage import maximum_filter
 from materials.foundation.checks import check_finite, check_range, check_shape, check_unit
 from materials.foundation.errors import InputError
 from materials.phase import droplets, henyey_greenstein
-from scene.simulation import Medium
+from scene.simulation import Material, Medium
 from scene.wetting.spray import Spray
 
 from .kernels import media as kernel
+from .kernels.bodies import BodyArrays
 from .kernels.media import MediumArrays
 
-__all__ = ["MediumArrays", "compile_medium", "compile_spray", "transmittance"]
+__all__ = ["BodyArrays", "MediumArrays", "both_or_none", "compile_bodies", "compile_medium", "compile_spray", "transmittance"]
 
 # Cells of the grid of bounds per axis, at most: walking costs per cell, loose bounds cost per tentative collision.
 _MAJORANT_CELLS = 16
@@ -65,6 +66,45 @@ def compile_medium(medium: Medium) -> MediumArrays:
         np.array([1.0, 0.0, 1.0, 0.0]),
         np.uint64(0),
     )
+
+
+def compile_bodies(materials: dict[str, Material]) -> BodyArrays | None:
+    """Return what fills the bodies, a row per material, or None if nothing does.
+
+    Raises
+    ------
+    InputError
+        If a body is not of glass, or its medium has bounds or is not even.
+    """
+    if all(m.interior is None for m in materials.values()):
+        return None
+    n = len(materials)
+    bodies = BodyArrays(np.zeros(n), np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_))
+    for i, (name, m) in enumerate(materials.items()):
+        if m.interior is None:
+            continue
+        if m.model not in ("dielectric", "rough_dielectric"):
+            remedy = "Use dielectric, with eta 1 for a body without a surface."
+            raise InputError(
+                "be dielectric or rough_dielectric to have an interior", got=m.model, key=f"materials.{name}", remedy=remedy
+            )
+        filling = compile_medium(m.interior)
+        if filling.kind != kernel.EVEN or m.interior.bounds is not None:
+            raise InputError("be even and without bounds", got=m.interior, key=f"materials.{name}.interior")
+        bodies.sigma_t[i], bodies.albedo[i], bodies.phase[i] = filling.sigma_t, filling.albedo, filling.phase
+        bodies.matched[i] = m.model == "dielectric" and m.eta == 1.0 and filling.sigma_t > 0
+    return bodies
+
+
+def both_or_none(
+    medium: MediumArrays | None, bodies: BodyArrays | None, num_materials: int
+) -> tuple[MediumArrays, BodyArrays] | tuple[None, None]:
+    """Return medium and bodies, the missing one empty; None for both if there is neither."""
+    if medium is None and bodies is None:
+        return None, None
+    n = num_materials
+    empty = BodyArrays(np.zeros(n), np.zeros((n, 3)), np.zeros((n, 4)), np.zeros(n, np.bool_))
+    return medium or compile_medium(Medium(0.0)), bodies or empty
 
 
 def compile_spray(spray: Spray) -> MediumArrays:

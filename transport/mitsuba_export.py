@@ -19,7 +19,7 @@ from scene.camera import Camera
 from scene.mesh import Mesh, write_ply
 from scene.simulation import DirectionalLight, Film, Light, Material, PointLight, RectangleLight, Simulation, SphereLight
 
-from .mitsuba_media import medium
+from .mitsuba_media import interior, medium
 from .mitsuba_surfaces import FILM, GLOSS, register
 from .world import compile_lights
 
@@ -71,6 +71,9 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
         write_ply(path, Mesh(mesh.vertices, mesh.faces, mesh.normals, mesh.uv))
         entry: dict[str, Any] = {"type": "ply", "filename": str(path), "surface": surfaces[shape.material]}
         material = simulation.materials[shape.material]
+        if material.interior is not None:
+            entry["interior"] = interior(mitsuba, material.interior)
+            scene["integrator"]["type"] = "volpath"
         if material.model == "emission":
             # Mitsuba's lamps shine from the front of their triangles, ours from both sides.
             entry["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": list(material.emission)}}
@@ -160,6 +163,8 @@ def _surface(mitsuba: ModuleType, name: str, m: Material) -> dict[str, Any]:
     if m.opacity_texture is not None or m.model == "rough_dielectric":
         what = "an opacity texture" if m.opacity_texture is not None else m.model
         raise InputError("have an equal in Mitsuba", got=what, key=f"materials.{name}")
+    if m.model == "dielectric" and m.eta == 1.0 and m.interior is not None:
+        return {"type": "null"}
     if m.model == "dielectric":
         return {"type": "dielectric", "int_ior": m.eta, "ext_ior": 1.0}
     if m.model == "emission":

@@ -1,4 +1,4 @@
-"""A medium of simulation/1 in Mitsuba's terms: a cube without a surface that holds it."""
+"""A medium of simulation/1 in Mitsuba's terms: a cube without a surface that holds it; and what is inside bodies."""
 
 from __future__ import annotations
 
@@ -33,6 +33,11 @@ def medium(mitsuba: ModuleType, m: Medium, eye: NDArray[np.float64]) -> tuple[di
     cube = {"type": "cube", "to_world": to_world, "bsdf": {"type": "null"}, "interior": filling}
     inside = bool(np.all(eye > low) and np.all(eye < high))
     return cube, filling if inside else None
+
+
+def interior(mitsuba: ModuleType, m: Medium) -> Any:
+    """Return the even medium inside a body."""
+    return _filling(mitsuba, m, np.zeros(3), np.ones(3))
 
 
 def _filling(mitsuba: ModuleType, m: Medium, low: NDArray, high: NDArray) -> Any:

@@ -17,6 +17,7 @@ from .kernels import path
 from .kernels.arrays import CameraArrays
 from .kernels.optics import OpticsArrays
 from .lens import Shutter, compile_optics
+from .media import both_or_none
 from .world import World, compile_camera
 
 _ROWS_PER_STEP = 64
@@ -82,6 +83,7 @@ def render(
     check_range("samples", samples, "[1, 1048576]")
     check_range("max_bounces", max_bounces, "[0, 1024]")
     view, optics = _compiled(camera, lens, shutter)
+    medium, bodies = both_or_none(world.medium, world.bodies, len(world.arrays.material_kind))
     total = np.zeros((camera.height, camera.width, 3))
     square = np.zeros_like(total)
     for first_row in tracked(range(0, camera.height, _ROWS_PER_STEP), label):
@@ -89,7 +91,8 @@ def render(
         args = (
             world.arrays,
             world.lights,
-            world.medium,
+            medium,
+            bodies,
             view,
             optics,
             first_row,

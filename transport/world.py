@@ -19,7 +19,7 @@ from .embree import EmbreeScene
 from .kernels import arrays as a
 from .light_table import compile_lights, sphere_table
 from .material_table import compile_materials
-from .media import MediumArrays, compile_medium
+from .media import BodyArrays, MediumArrays, compile_bodies, compile_medium
 
 __all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights"]
 
@@ -38,6 +38,8 @@ class World:
         Kept alive as long as the world: the kernels hold bare handles.
     medium : MediumArrays or None
         What fills the space.
+    bodies : BodyArrays or None
+        What fills bodies of glass.
     """
 
     arrays: a.WorldArrays
@@ -45,6 +47,7 @@ class World:
     shapes: tuple[Shape, ...]
     scenes: tuple[EmbreeScene, ...]
     medium: MediumArrays | None = None
+    bodies: BodyArrays | None = None
 
 
 def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
@@ -110,7 +113,9 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     )
     lights = compile_lights(simulation.lights, arrays)
     medium = None if simulation.medium is None else compile_medium(simulation.medium)
-    return World(arrays._replace(spheres=sphere_table(lights)), lights, shapes, scenes, medium)
+    return World(
+        arrays._replace(spheres=sphere_table(lights)), lights, shapes, scenes, medium, compile_bodies(simulation.materials)
+    )
 
 
 def with_lights(world: World, lights: dict[str, Light]) -> World:

@@ -7,29 +7,33 @@ from numba import njit
 from materials.kernels import phase
 from materials.kernels.frames import dot
 
+from .bodies import passage, scatter_in
 from .lights import num_lights, sample_light
-from .media import phase_of, tracking, transmittance
+from .media import tracking
 from .sampler import draw2
 from .shading import power_heuristic
-from .visibility import is_visible
 
 
 @njit(cache=True)
-def airlight(world, lights, medium, buffer, s, stream, index, dimension, num_dimensions, p, d):
+def airlight(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, num_dimensions, p, d):
     """Return the light that comes straight from the lights to a particle at p and is turned against a ray along d.
 
-    The albedo is left to the caller. Lights share the numbers of `num_dimensions` dimensions, as on surfaces.
+    The particle is in a body, or in the air. The albedo is left to the caller. Lights share the numbers of
+    `num_dimensions` dimensions, as on surfaces.
     """
     r = g = b = 0.0
-    scatter = phase_of(medium)
+    _, scatter = scatter_in(medium, bodies, body)
     for i in range(num_lights(lights)):
         u0, u1 = draw2(stream, index, dimension + i % num_dimensions)
         wi, far, e, density = sample_light(lights, i, p, u0, u1)
-        if e[0] + e[1] + e[2] <= 0.0 or not is_visible(world, buffer, s, p, wi, far):
+        if e[0] + e[1] + e[2] <= 0.0:
+            continue
+        passed = passage(world, medium, bodies, body, buffer, s, tracking(stream, index, dimension + i), p, wi, far)
+        if passed <= 0.0:
             continue
         # Light travels along -wi and is turned to -d: the same angle as from d to wi.
         f = phase.evaluate(scatter, dot(d, wi))
-        w = f * transmittance(medium, p, wi, far, tracking(stream, index, dimension + i))
+        w = f * passed
         if density < math.inf:
             w *= power_heuristic(density, f)
         r += w * e[0]

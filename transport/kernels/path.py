@@ -1,8 +1,8 @@
 """The path tracer: next-event estimation and multiple importance sampling over any number of bounces.
 
 Everything is estimated at once by paths from the camera: J. T. Kajiya, "The Rendering Equation", 1986; combination of
-strategies by the power heuristic: E. Veach, thesis, 1997, section 9.2. Where `medium` is None, Numba compiles the tracer
-without a trace of media.
+strategies by the power heuristic: E. Veach, thesis, 1997, section 9.2. Where `medium` (and with it `bodies`) is None, Numba
+compiles the tracer without a trace of media.
 """
 
 import math
@@ -16,9 +16,10 @@ from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V
 
 from .airlight import airlight
 from .arrays import ONE_SIDED, SUN_POWER
-from .emitters import FAR, emitted, sphere_seen, surface_density
+from .bodies import body_behind, fly, passage, scatter_in
+from .emitters import emitted, sphere_seen, surface_density
 from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
-from .media import flight, phase_of, tracking, transmittance
+from .media import tracking
 from .optics import central_ray, sample_ray
 from .rays import ray_buffer
 from .sampler import draw1, draw2, hash2
@@ -89,7 +90,7 @@ def _facing(ng, two_faced, w):
 
 
 @njit(cache=True)
-def direct(world, lights, medium, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
+def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
     """Return the light that reaches a surface straight from the lights, through the medium, and leaves it along wo."""
     t, bt, n = frame
     r = g = b = 0.0
@@ -103,13 +104,23 @@ def direct(world, lights, medium, buffer, s, stream, index, dimension, hit, surf
             continue
         wi = to_local(d, t, bt, n)
         f = bsdf.evaluate(surface, wo, wi)
-        if f[0] + f[1] + f[2] <= 0.0 or not is_visible(world, buffer, s, leave(hit.p, hit.ng, d) if two_faced else p, d, far):
+        if f[0] + f[1] + f[2] <= 0.0:
+            continue
+        o = leave(hit.p, hit.ng, d) if two_faced else p
+        if medium is None:
+            passed = 1.0 if is_visible(world, buffer, s, o, d, far) else 0.0
+        else:
+            # Behind glass lies what is behind it, before it what the path came through.
+            within = body_behind(bodies, hit.material, hit.ng, d) if two_faced else body
+            state = tracking(stream, index, dimension + _LIGHTS + i)
+            passed = passage(world, medium, bodies, within, buffer, s, state, o, d, far)
+        if passed <= 0.0:
             continue
         w = abs(wi[2])
         if density < math.inf:
             w *= power_heuristic(density, bsdf.pdf(surface, wo, wi))
         if medium is not None:
-            w *= transmittance(medium, p, d, far, tracking(stream, index, dimension + _LIGHTS + i))
+            w *= passed
         r += f[0] * e[0] * w
         g += f[1] * e[1] * w
         b += f[2] * e[2] * w
@@ -137,7 +148,9 @@ def scattering_frame(world, hit, normal, wo_world, anisotropic):
 
 
 @njit(cache=True)
-def radiance(world, lights, medium, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp):
+def radiance(
+    world, lights, medium, bodies, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp
+):
     """Return an estimate (r, g, b) of the radiance that arrives at `origin` from `direction`.
 
     With `specular_only` the first surface scatters by its specular lobes alone; as radiance is linear in the lobes,
@@ -149,6 +162,7 @@ def radiance(world, lights, medium, buffer, s, stream, index, origin, direction,
     o, d = origin, direction
     pdf = 0.0
     is_delta = True
+    body = -1
     for bounce in range(max_bounces + 1):
         if bounce >= roulette_from:
             survival = min(0.95, max(br, max(bg, bb)))
@@ -158,26 +172,28 @@ def radiance(world, lights, medium, buffer, s, stream, index, origin, direction,
             bg /= survival
             bb /= survival
         dimension = 1 + bounce * _PER_BOUNCE
-        face, b1, b2, distance = first_hit(world, buffer, s, o, d)
-        if medium is not None:
-            far = distance if face >= 0 or distance > 0.0 else FAR
-            t = flight(medium, o, d, far, draw1(stream, index, dimension + _FLIGHT), tracking(stream, index, dimension))
-            if t < far:
+        if medium is None:
+            face, b1, b2, distance = first_hit(world, buffer, s, o, d)
+        else:
+            u, state = draw1(stream, index, dimension + _FLIGHT), tracking(stream, index, dimension)
+            collided, face, b1, b2, distance, p, body = fly(world, medium, bodies, body, buffer, s, u, state, o, d)
+            if collided:
                 if bounce == max_bounces:
                     return lr, lg, lb
-                o = (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2])
-                br *= medium.albedo[0]
-                bg *= medium.albedo[1]
-                bb *= medium.albedo[2]
-                e = airlight(world, lights, medium, buffer, s, stream, index, dimension + _LIGHTS, _PER_BOUNCE - _LIGHTS, o, d)
+                albedo, turns = scatter_in(medium, bodies, body)
+                br *= albedo[0]
+                bg *= albedo[1]
+                bb *= albedo[2]
+                first, count = dimension + _LIGHTS, _PER_BOUNCE - _LIGHTS
+                e = airlight(world, lights, medium, bodies, body, buffer, s, stream, index, first, count, p, d)
                 limit = clamp if bounce > 0 else math.inf
                 lr += min(br * e[0], limit)
                 lg += min(bg * e[1], limit)
                 lb += min(bb * e[2], limit)
                 u0, u1 = draw2(stream, index, dimension + _DIRECTION)
-                turned = phase.sample(phase_of(medium), d, u0, u1)
-                pdf, is_delta = phase.evaluate(phase_of(medium), dot(d, turned)), False
-                d = turned
+                turned = phase.sample(turns, d, u0, u1)
+                pdf, is_delta = phase.evaluate(turns, dot(d, turned)), False
+                o, d = p, turned
                 continue
         if face < 0:
             e = beyond(world, lights, o, d, pdf, is_delta)
@@ -212,7 +228,7 @@ def radiance(world, lights, medium, buffer, s, stream, index, origin, direction,
         t, b, n = frame
         wo = to_local(wo_world, t, b, n)
         if not bsdf.is_specular(surface):
-            e = direct(world, lights, medium, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced)
+            e = direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced)
             limit = clamp if bounce > 0 else math.inf
             lr += min(br * e[0], limit)
             lg += min(bg * e[1], limit)
@@ -226,6 +242,8 @@ def radiance(world, lights, medium, buffer, s, stream, index, origin, direction,
         if br + bg + bb <= 0.0 or not _facing(hit.ng, two_faced, d):
             return lr, lg, lb
         o = leave(hit.p, hit.ng, d)
+        if medium is not None and two_faced:
+            body = body_behind(bodies, hit.material, hit.ng, d)
     return lr, lg, lb
 
 
@@ -234,6 +252,7 @@ def render(
     world,
     lights,
     medium,
+    bodies,
     camera,
     optics,
     first_row,
@@ -265,7 +284,7 @@ def render(
                     jx, jy = draw2(stream, i, 0)
                     o, d = sample_ray(camera, optics, stream, i, col + jx, row + jy)
                     e = radiance(
-                        world, lights, medium, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp
+                        world, lights, medium, bodies, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp
                     )
                     for c in range(3):
                         total[row, col, c] += e[c]
