@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -83,3 +85,15 @@ def test_the_command_names_a_wrong_wetness(tmp_path: Path, capsys: pytest.Captur
     code = main(["-o", str(tmp_path / "out"), "--wetness", "a lot", "--frames", "2", "--detail", "0.1", "--quiet"])
     assert code == 2
     assert "--wetness must be numbers with commas between, got a lot." in capsys.readouterr().err
+
+
+def test_an_older_street_gets_its_boxes_without_new_pictures(world: Street, folder: Path):
+    made = json.loads((folder / "made.json").read_text())
+    made["done"] = ["measurements", *[name for name in made["done"] if name.endswith(".exr")]]
+    (folder / "made.json").write_text(json.dumps(made))
+    (folder / "recording.json").unlink()
+    shutil.rmtree(folder / "truth" / "boxes")
+    pictures = {p: p.stat().st_mtime_ns for p in [*folder.glob("images/*"), *folder.glob("truth/linear/*")]}
+    recording = photograph(world, folder, TINY, (1.0,))
+    assert all(frame.boxes is not None and frame.boxes.file.exists() for frame in recording.frames)
+    assert pictures == {p: p.stat().st_mtime_ns for p in pictures}
