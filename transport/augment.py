@@ -116,7 +116,7 @@ def _result(
     wet = wet_frame(frame, separation, water, settings.seed, settings.bounces)
     if mist is None:
         return FrameResult(frame, separation, water, wet)
-    misty = misty_frame(frame, separation, wet, water, mist, settings.samples, settings.seed, settings.bounces)
+    misty = misty_frame(frame, separation, wet, water, mist, separation.samples, settings.seed, settings.bounces)
     return FrameResult(frame, separation, water, wet, misty)
 
 
@@ -130,7 +130,7 @@ def _through_drops(
 ) -> FrameResult:
     """Return a frame seen past the drops that lie on the glass by then: the drive's first frame starts with the first drops."""
     so_far = (result.frame, result.separation, result.image, result.raw, result.water, mist)
-    draws = (settings.samples, settings.seed, settings.bounces)
+    draws = (result.separation.samples, settings.seed, settings.bounces)
     return replace(result, droplets=droplet_frame(*so_far, shield.glass, shield.at(index), settings.windshield, *draws))
 
 
