@@ -18,8 +18,8 @@ from .photographs import Photographs
 if TYPE_CHECKING:
     from .measurement_file import MeasurementFile
 
-KINDS = ("auto", "cornell", "merl", "pbsdf", "photographs", "recording", "measurement")
-_SUFFIXES = {".brdf": "cornell", ".binary": "merl", ".pbsdf": "pbsdf"}
+KINDS = ("auto", "cornell", "merl", "pbsdf", "ubo2003", "ubo2014", "btf", "photographs", "recording", "measurement")
+_SUFFIXES = {".brdf": "cornell", ".binary": "merl", ".pbsdf": "pbsdf", ".btf": "ubo2014", ".zip": "ubo2003", ".npz": "btf"}
 
 
 @dataclass(frozen=True)
@@ -88,6 +88,23 @@ def open_source(path: str | Path, kind: str = "auto", images: slice | None = Non
         from .tensor_file import read_pbsdf
 
         return _of_abrdf(kind, read_pbsdf(path))
+    if kind == "ubo2014":
+        from .ubo2014 import read_ubo2014
+
+        btf = read_ubo2014(path)
+        return _of_blocks(kind, btf.name, np.ones((btf.height, btf.width), bool), btf.block)
+    if kind == "ubo2003":
+        from .ubo2003 import read_ubo2003
+
+        pictures = read_ubo2003(path)
+        mask = np.ones((pictures.height, pictures.width), bool)
+        return _of_blocks(kind, pictures.name, mask, pictures.block, "The response of the pictures is taken to be sRGB.")
+    if kind == "btf":
+        from ..btf import read_btf
+
+        own = read_btf(path)
+        note = f"The BTF is compressed, with a relative error of {own.relative_error:.3g}."
+        return _of_blocks(kind, own.name or path.stem, own.mask, own.decompress, note)
     if kind == "photographs":
         from .photographs import read_photographs
 
@@ -172,6 +189,10 @@ def _of_abrdf(kind: str, abrdf: ABRDF, *notes: str) -> Source:
         return replace(flat, value=flat.value[first:last], valid=flat.valid[first:last], mask=None)
 
     return Source(kind, abrdf.name, mask, block, notes=(*notes, *said))
+
+
+def _of_blocks(kind: str, name: str, mask: NDArray[np.bool_], block: Callable[[int, int], ABRDF], *notes: str) -> Source:
+    return Source(kind, name, mask, lambda first, last: block(first, last).normalise(), notes=notes)
 
 
 def _of_photographs(kind: str, photographs: Photographs) -> Source:
