@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from materials.foundation.errors import InputError
 from scene.camera import Camera
 from scene.mesh import Mesh, write_ply
-from scene.simulation import DirectionalLight, Film, Light, Material, PointLight, RectangleLight, Simulation, SphereLight
+from scene.simulation import DirectionalLight, Film, Lens, Light, Material, PointLight, RectangleLight, Simulation, SphereLight
 
 from .mitsuba_media import interior, medium
 from .mitsuba_surfaces import FILM, GLOSS, register
@@ -29,7 +29,14 @@ _SUN_DISTANCE = 1e6
 _ENVMAP_TO_WORLD = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: str | Path, max_bounces: int = 8) -> Any:
+def export(
+    mitsuba: ModuleType,
+    simulation: Simulation,
+    camera: Camera,
+    folder: str | Path,
+    max_bounces: int = 8,
+    lens: Lens | None = None,
+) -> Any:
     """Load a simulation into Mitsuba.
 
     Parameters
@@ -40,6 +47,8 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
         Where the meshes are written, as PLY.
     max_bounces : int
         Scattering events per path, as for `render`.
+    lens : Lens, optional
+        As for `render`.
 
     Returns
     -------
@@ -49,7 +58,8 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
     ------
     InputError
         If the camera is no centred pinhole with square pixels, or a material cannot be said in Mitsuba's terms: opacity
-        textures, rough glass, and films whose surface is level while the ground is not; or the medium has no bounds.
+        textures, rough glass, and films whose surface is level while the ground is not; or the medium has no bounds, or the
+        lens distorts.
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -57,7 +67,7 @@ def export(mitsuba: ModuleType, simulation: Simulation, camera: Camera, folder: 
     scene: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": max_bounces + 1, "rr_depth": 5},
-        "sensor": _sensor(mitsuba, camera),
+        "sensor": _sensor(mitsuba, camera) | _lens(lens),
     }
     if simulation.medium is not None:
         scene["integrator"]["type"] = "volpath"
@@ -113,6 +123,16 @@ def _sensor(mitsuba: ModuleType, camera: Camera) -> dict[str, Any]:
             "component_format": "float32",
         },
     }
+
+
+def _lens(lens: Lens | None) -> dict[str, Any]:
+    if lens is None:
+        return {}
+    if lens.k1 or lens.k2:
+        raise InputError("have an equal in Mitsuba", got="distortion", key="lens")
+    if lens.model == "pinhole" or lens.aperture_radius == 0:
+        return {}
+    return {"type": "thinlens", "aperture_radius": lens.aperture_radius, "focus_distance": min(lens.focus_distance, 1e7)}
 
 
 def _light(mitsuba: ModuleType, light: Light) -> dict[str, Any] | None:
