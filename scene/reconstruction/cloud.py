@@ -25,6 +25,7 @@ from .slow_objects import slowly_moving
 
 Floats = NDArray[np.floating]
 _FARTHEST_CAMERA = 500.0  # a drone's height, with room
+_LOW_MATCH = 0.25  # things of stereo alone that end below this are no things [m]
 MAX_COORDINATE = 2000.0  # float32 resolves 0.1 mm up to here
 
 
@@ -159,6 +160,11 @@ def accumulate(
     points, sensors, sources = thin(points, sensors, sources, path, settings)
     counts["after thinning"] = len(points)
     is_ground = split_ground(points, path, ground_settings)
+    # Matches that miss by a hand's breadth would lie on the road as a thing of their own, and keep it dry.
+    low = dynamics.remnants(points, is_ground, _LOW_MATCH) & (sources == 1)
+    if low.any():
+        counts["low stereo matches removed"] = int(low.sum())
+        points, sensors, sources, is_ground = points[~low], sensors[~low], sources[~low], is_ground[~low]
     counts["ground"], counts["environment"] = int(is_ground.sum()), int((~is_ground).sum())
     return Cloud(points.astype(np.float32), sensors.astype(np.float32), is_ground, sources, counts, moving)
 

@@ -16,7 +16,7 @@ from materials.foundation.files import make_folder, read_json, replacing_folder,
 from materials.foundation.progress import logger
 
 # Raise it when a stage's code changes its results: results of older code are then made anew.
-CODE_VERSION = "4"
+CODE_VERSION = "5"
 _KEY = "stage.json"
 
 

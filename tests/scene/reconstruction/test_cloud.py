@@ -8,6 +8,7 @@ import pytest
 
 from materials.foundation.errors import InputError
 from scene.camera import Camera
+from scene.points import write_points
 from scene.reconstruction import dynamics
 from scene.reconstruction.build_settings import CloudSettings, DynamicsSettings
 from scene.reconstruction.cloud import accumulate, moved, path_of, read_cloud, strays, thin, world_offset, write_cloud
@@ -171,3 +172,23 @@ def test_sweeps_of_the_real_drive_lose_the_masked_vehicles(shared_data):
     road = (np.abs(points[:, 1]) < 0.8) & (points[:, 0] > 0) & (points[:, 0] < 34)
     # The lane that was driven is free of everything that once drove there.
     assert not (road & (points[:, 2] < 0.2)).any()
+
+
+def test_low_blobs_of_stereo_alone_leave_the_road_and_a_kerbstone_that_was_scanned_stays(tmp_path, monkeypatch):
+    rng = np.random.default_rng(0)
+    road = np.column_stack([rng.uniform(0, 24, 60000), rng.uniform(-6, 6, 60000), np.zeros(60000)])
+
+    def box(x: float, y: float, low: float, high: float, count: int) -> np.ndarray:
+        return rng.uniform((x, y, low), (x + 1, y + 1, high), (count, 3))
+
+    blob, stone, wall = box(9, 0, 0.19, 0.22, 400), box(15, 0, 0.19, 0.22, 400), box(12, 4, 0.0, 2.0, 9000)
+    seen = np.concatenate([road, blob, wall])
+    monkeypatch.setattr("scene.reconstruction.cloud._stereo", lambda *_: (seen, np.broadcast_to((0.0, 0, 1.6), seen.shape)))
+    write_points(tmp_path / "given.npz", stone)
+    cameras = [Camera("PINHOLE", 64, 24, look_at((x, 0, 1.6), (x + 9, 0, 1.5)), 40, 40, 32, 12) for x in (0.0, 9.0, 18.0)]
+    frames = tuple(Frame(tmp_path / "a.png", camera) for camera in cameras)
+    cloud = accumulate(Recording(frames, tmp_path, points=tmp_path / "given.npz"))
+    assert cloud.counts["low stereo matches removed"] > 0
+    things = cloud.points_world[~cloud.is_ground]
+    raised = things[things[:, 1] < 2, 0]
+    assert len(raised) > 50 and raised.min() > 14.9
