@@ -116,7 +116,8 @@ def _result(
     wet = wet_frame(frame, separation, water, settings.seed, settings.bounces)
     if mist is None:
         return FrameResult(frame, separation, water, wet)
-    misty = misty_frame(frame, separation, wet, water, mist, separation.samples, settings.seed, settings.bounces)
+    draws = (separation.samples, settings.seed, settings.bounces, settings.smooth_mist)
+    misty = misty_frame(frame, separation, wet, water, mist, *draws)
     return FrameResult(frame, separation, water, wet, misty)
 
 

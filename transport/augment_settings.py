@@ -22,6 +22,9 @@ class AugmentSettings:
     )
     strength: float = setting(0.95, "how far full accumulation goes towards smooth water (eq 6.13)", within="[0, 1]")
     mist: float = setting(0.0, "amount of spray and mist, 0 to 1 (mean free path 50 m at the ground)", within="[0, 1]")
+    smooth_mist: float = setting(
+        3.0, "width over which the noise of mist is smoothed along surfaces [px]; 0 leaves every pixel unbiased", within="[0, 100]"
+    )
     droplets: float = setting(0.0, "amount of drops on the windshield, 0 to 1", within="[0, 1]")
     bounces: int = setting(3, "reflections followed between ground and objects", within="[1, 64]")
     samples: int = setting(64, "paths per pixel", within="[1, 65536]")

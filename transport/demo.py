@@ -1,4 +1,4 @@
-"""`make demo`: photograph the built-in street, reconstruct it, wet it at three strengths, and show a contact sheet."""
+"""`make demo`: photograph the built-in street, reconstruct it, wet it at three strengths, let it rain, and show a contact sheet."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from materials.foundation.command import add_common_flags, run_command
 
 _WETNESS = (1 / 3, 2 / 3, 1.0)
+_MIST, _DROPLETS = 0.5, 0.5
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -33,7 +34,7 @@ def _run(args: argparse.Namespace) -> None:
     from scene.scene_file import read_scene
     from scene.street import StreetSettings, street
 
-    from .augment import AugmentSettings, augment, summarise
+    from .augment import AugmentSettings, augment, folder_name, summarise
     from .contact_sheet import contact_sheet
     from .photograph import PhotographSettings, photograph
 
@@ -48,17 +49,23 @@ def _run(args: argparse.Namespace) -> None:
     with stage("wetting the ground"):
         summarise(augment(scene, frames, list(_WETNESS), AugmentSettings(samples=args.samples, seed=args.seed), output / "wet"))
     shown = frames[:: max(1, len(frames) // 3)][:3]
+    rain = AugmentSettings(samples=args.samples, seed=args.seed, mist=_MIST, droplets=_DROPLETS)
+    with stage("mist, and drops on the windshield"):
+        augment(scene, shown, [1.0], rain, output / "wet")
     rows = [("recorded", [read_raw(scene.recording.frames[i].image) for i in shown])]
     for w in _WETNESS:
         names = [scene.recording.frames[i].name for i in shown]
         rows.append((f"wetness {w:.2f}", [read_raw(output / "wet" / f"w{w:.2f}" / "image" / f"{name}.png") for name in names]))
+    folder = output / "wet" / folder_name(1.0, rain) / "image"
+    pictures = [read_raw(folder / f"{scene.recording.frames[i].name}.png") for i in shown]
+    rows.append((f"wetness 1.00, mist {_MIST:.2f}, drops {_DROPLETS:.2f}", pictures))
     contact_sheet(rows, output / "contact_sheet.png")
     print(
         f"""
 {len(frames)} frames of the built-in street
   recorded        {output / "recording"}  (recording.json, pictures, LiDAR sweeps, masks; the truth in truth/)
   reconstructed   {output / "scene"}  (meshes/, maps/, preview/, report.md)
-  wet             {output / "wet"}  (one folder per wetness: image/, layers/, label/, augment.json)
+  wet             {output / "wet"}  (one folder per wetness, and one in mist and drops: image/, layers/, label/, augment.json)
   to look at      {output / "contact_sheet.png"}"""
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
@@ -22,6 +23,8 @@ from .world import compile_camera
 _EVERY = 16
 # Width of the guess of what collisions turn to the camera, in widths of the picture.
 _AROUND = 0.01
+# What is farther is one surface to the smoothing, the sky among it [m].
+_FAR = 1000.0
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class MistyFrame:
     gloss_change : (H, W, 3) float32
         By how much mist over the road changes the road's specular light, where it leaves the road.
     variance : (H, W, 3) float32
-        Of `scattered`.
+        Of `scattered` before it is smoothed.
     """
 
     image: NDArray[np.float32]
@@ -60,6 +63,7 @@ def misty_frame(
     samples: int,
     seed: int,
     bounces: int,
+    smooth: float = 0.0,
 ) -> MistyFrame:
     """Return a wet frame in mist: `T (L_wet + scale * change of gloss) + scattered`.
 
@@ -77,6 +81,9 @@ def misty_frame(
         Paths per pixel.
     seed, bounces : int
         As for the wet ground.
+    smooth : float
+        Width [px] over which noise is smoothed, among pixels of about the same distance: what the guess of the scattered light
+        leaves over, and the change of gloss, vary little along a surface. 0 leaves every pixel unbiased.
     """
     ground = separation.ground._replace(water=np.ascontiguousarray(water, np.float32))
     size = wet.image.shape[:2]
@@ -87,16 +94,15 @@ def misty_frame(
     # The seed of the wet passes would tie the mist's noise to theirs.
     draws = (samples, _EVERY, (seed + 0x9E3779B9) & 0xFFFFFFFF, bounces)
     mist_pass(*inputs, *draws, scattered, square, passed, gloss)
-    residual = scattered / samples
+    variance = variance_of_mean(scattered / samples, square / samples, samples)
+    residual, change = (_smoothed(x / samples, frame.depth, smooth) for x in (scattered, gloss))
     transmittance = passed / -(-samples // _EVERY)
     # A share 1 - T of the light collides, whatever is then guessed for it: the mean does not depend on the guess.
     mean = around * (1 - transmittance[..., None]) + residual
-    change = gloss / samples
     light = wet.image + separation.scale * change
     # Nothing may get darker than black where the wet picture is not.
     light = np.where((light < 0) & (wet.image >= 0), 0, light)
     image = (transmittance[..., None] * light + mean).astype(np.float32)
-    variance = variance_of_mean(residual, square / samples, samples)
     return MistyFrame(
         image,
         encode(image, frame.encoding),
@@ -105,3 +111,11 @@ def misty_frame(
         change.astype(np.float32),
         variance.astype(np.float32),
     )
+
+
+def _smoothed(values: NDArray[np.float64], depth: NDArray[np.float64], width: float) -> NDArray[np.float64]:
+    """Return values (H, W, 3) averaged with a Gaussian of some width [px] over pixels within some 10 % of their depth."""
+    if width <= 0:
+        return values
+    guide = np.log(np.where(np.isfinite(depth), np.minimum(depth, _FAR), _FAR)).astype(np.float32)
+    return cv2.ximgproc.jointBilateralFilter(guide, values.astype(np.float32), -1, 0.1, width).astype(np.float64)
