@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from .foundation.report import Report
     from .svbrdf import SVBRDF
 
-_KINDS = ("auto", "cornell", "merl", "pbsdf", "ubo2003", "ubo2014", "btf", "photographs", "recording", "measurement")
+_KINDS = ("auto", "cornell", "merl", "pbsdf", "rgl", "ubo2003", "ubo2014", "btf", "photographs", "recording", "measurement")
 _EXPORTS = ("gltf", "materialx", "mitsuba")
 
 
@@ -32,8 +32,9 @@ def _parser() -> argparse.ArgumentParser:
         "parameters, normals, and a report with pictures. An interrupted run goes on where it stopped.",
     )
     what = (
-        "Cornell *.brdf, MERL *.binary, *.pbsdf, UBO2003 *.zip, UBO2014 *.btf, our *.btf.npz; folder of photographs in DiLiGenT's "
-        "layout; recording.json; measurement.json (also of spectra under rising moisture: then models of wet ground are fitted)"
+        "Cornell *.brdf, MERL *.binary, *.pbsdf, RGL *.bsdf, UBO2003 *.zip, UBO2014 *.btf, our *.btf.npz; folder of photographs "
+        "in DiLiGenT's layout; recording.json; measurement.json (also of spectra under rising moisture: then models of wet "
+        "ground are fitted)"
     )
     parser.add_argument("input", metavar="INPUT", help=what)
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="folder for textures, material.json and the report")

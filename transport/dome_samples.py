@@ -86,7 +86,7 @@ def _alu(size: int, rng: np.random.Generator) -> Relief:
 
 def _fabric(size: int, rng: np.random.Generator) -> Relief:
     x, y = np.meshgrid(np.arange(size), np.arange(size))
-    threads = max(size // 8, 1)
+    threads = max(size // 7, 1)
     warp, weft = np.cos(2 * np.pi * threads * x / size), np.cos(2 * np.pi * threads * y / size)
     over = np.where(np.sin(np.pi * threads * x / size) * np.sin(np.pi * threads * y / size) > 0, warp, weft)
     shade = 1 + 0.1 * over + 0.05 * _noise(rng, size, 1.0, 1.0)

@@ -18,8 +18,16 @@ from .photographs import Photographs
 if TYPE_CHECKING:
     from .measurement_file import MeasurementFile
 
-KINDS = ("auto", "cornell", "merl", "pbsdf", "ubo2003", "ubo2014", "btf", "photographs", "recording", "measurement")
-_SUFFIXES = {".brdf": "cornell", ".binary": "merl", ".pbsdf": "pbsdf", ".btf": "ubo2014", ".zip": "ubo2003", ".npz": "btf"}
+KINDS = ("auto", "cornell", "merl", "pbsdf", "rgl", "ubo2003", "ubo2014", "btf", "photographs", "recording", "measurement")
+_SUFFIXES = {
+    ".brdf": "cornell",
+    ".binary": "merl",
+    ".pbsdf": "pbsdf",
+    ".bsdf": "rgl",
+    ".btf": "ubo2014",
+    ".zip": "ubo2003",
+    ".npz": "btf",
+}
 
 
 @dataclass(frozen=True)
@@ -88,6 +96,12 @@ def open_source(path: str | Path, kind: str = "auto", images: slice | None = Non
         from .tensor_file import read_pbsdf
 
         return _of_abrdf(kind, read_pbsdf(path))
+    if kind == "rgl":
+        from .rgl import read_rgl
+
+        brdf = read_rgl(path)
+        samples = brdf.samples() if brdf.isotropic else brdf.samples(60)
+        return _of_abrdf(kind, samples, f"The tables were evaluated at {len(samples.wi)} pairs of directions up to 80°.")
     if kind == "ubo2014":
         from .ubo2014 import read_ubo2014
 

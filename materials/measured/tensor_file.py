@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..abrdf import ABRDF
 from ..foundation.errors import InputError
+from ..foundation.files import replacing
 from .half_angles import from_half_angles
 
 _MAGIC = b"tensor_file\0"
@@ -81,6 +82,29 @@ def _fields(data: bytes, path: Path) -> dict[str, NDArray]:
             raise InputError("lie within the file", got=got, file=path, key=name, remedy="Copy the file again.")
         fields[name] = np.frombuffer(data, dtype, size, offset).reshape(shape)
     return fields
+
+
+def write_tensor_file(path: str | Path, fields: dict[str, NDArray]) -> None:
+    """Write arrays of plain numbers as a tensor file, in the order given.
+
+    Raises
+    ------
+    InputError
+        If an array has a type that the format lacks.
+    """
+    head, body = _MAGIC + struct.pack("<BBI", 1, 0, len(fields)), b""
+    start = len(head) + sum(2 + len(name.encode()) + 11 + 8 * array.ndim for name, array in fields.items())
+    for name, array in fields.items():
+        kind = array.dtype.str.lstrip("<|=")
+        if kind not in _TYPES:
+            raise InputError(f"have one of the types {', '.join(_TYPES)}", got=array.dtype, key=name)
+        body += b"\0" * (-(start + len(body)) % 8)
+        head += struct.pack("<H", len(name.encode())) + name.encode()
+        head += struct.pack("<HBQ", array.ndim, _FIRST_TYPE + _TYPES.index(kind), start + len(body))
+        head += struct.pack(f"<{array.ndim}Q", *array.shape)
+        body += np.ascontiguousarray(array).tobytes()
+    with replacing(path) as temporary:
+        temporary.write_bytes(head + body)
 
 
 def read_pbsdf(path: str | Path) -> ABRDF:
