@@ -17,3 +17,10 @@ def flow_eval() -> int:
     from .cli import main
 
     return main()
+
+
+def diagnose() -> int:
+    """Run `diagnose`."""
+    from .diagnose_cli import main
+
+    return main()

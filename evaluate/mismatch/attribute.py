@@ -1,0 +1,324 @@
+"""Which physics was left out: candidates are tried, judged on views and lights that they were not fitted to, and combined."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from materials.foundation.progress import tracked
+
+from .calibrate import weigh, white_level
+from .case import Case, Floats, subset
+from .effect import Context, Effect, Term
+from .locate import largest_tile, structure
+from .settle import needs_settling, settle
+from .solve import Fit, context, fit, held_out
+
+logger = logging.getLogger("meniscus")
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """How the search goes on.
+
+    Attributes
+    ----------
+    screen_frames : int
+        Frames on which all candidates are tried first.
+    finalists : int
+        How many are fitted to all frames.
+    branches : int
+        How many first effects are followed up.
+    most : int
+        Largest number of effects in a model.
+    least_gain : float
+        What an effect must gain on held-out frames, in chi-square a value.
+    least_share : float
+        What a further effect must explain of what the model before it leaves over.
+    follow : float
+        Share of the best candidate's gain that a candidate must promise to be followed up.
+    sigmas : float
+        How surely it must gain, over blocks.
+    approximation : float
+        By which share of its amplitude the model of an effect may be wrong.
+    """
+
+    screen_frames: int = 6
+    finalists: int = 5
+    branches: int = 2
+    most: int = 3
+    least_gain: float = 0.0015
+    least_share: float = 0.25
+    follow: float = 0.2
+    sigmas: float = 3.0
+    approximation: float = 0.015
+
+
+@dataclass
+class Model:
+    """Effects with their fit, and how it does on what it was not fitted to.
+
+    Attributes
+    ----------
+    score : (F,) float64
+        Held-out chi-square of each frame.
+    excess : float
+        What is left over the noise, per value: held-out chi-square less the level of white noise.
+    """
+
+    case: Case
+    weight: Floats
+    terms: list[Term]
+    fit: Fit
+    score: NDArray[np.float64]
+    excess: float
+    white: float
+    structure: float
+    worst: float
+    trials: list[Trial] = field(default_factory=list)
+
+    @property
+    def effects(self) -> list[Term]:
+        return [t for t in self.terms if t.effect.id != "free"]
+
+    @property
+    def total(self) -> float:
+        return float(self.score.sum())
+
+
+@dataclass
+class Trial:
+    """A candidate that was tried on top of a model, for the report."""
+
+    id: str
+    target: str | None
+    on_top_of: tuple[str, ...]
+    gain: float
+    sigmas: float
+    full: bool
+    model: Model | None = None
+
+
+def assess(case: Case, weight: Floats, fitted: Fit) -> Model:
+    """Return a fit as a model with its score."""
+    n = int((weight > 0).sum())
+    score = held_out(case, fitted)
+    z = (case.pictures - fitted.picture) * np.sqrt(weight)
+    white = white_level(case, z)
+    return Model(
+        case, weight, fitted.terms, fitted, score, float(score.sum() / n - white**2), white, structure(case, z, white),
+        largest_tile(case, z, white),
+    )  # fmt: skip
+
+
+def gain_of(case: Case, weight: Floats, before: Model, after: Model) -> tuple[float, float]:
+    """Return (gain per value, how many standard errors) of one model over another, over blocks of repeats."""
+    n = float((weight > 0).sum())
+    blocks = np.unique(case.block)
+    each = np.array([(before.score - after.score)[case.block == b].sum() for b in blocks])
+    gain = each.sum() / n
+    if len(blocks) < 3:
+        return gain, np.inf if gain > 0 else 0.0
+    # Blocks on which nothing is to be seen gain nothing: the scatter is that about the mean.
+    error = np.sqrt(len(blocks)) * each.std(ddof=1) / n
+    return gain, float(gain / max(error, 1e-12))
+
+
+def search(
+    case: Case, weight: Floats, base: Fit, effects: list[Effect], settings: SearchSettings, say: Callable[[str], None] = logger.info
+) -> tuple[Model, Model, list[Trial]]:
+    """Return (base model, best model, everything that was tried).
+
+    From the base, and then from the best models found, every effect is tried: on a few frames first, the best on all. A
+    model is done when nothing more gains enough; among finished models the one with the least left over wins, where each
+    effect more has to pay for itself by `least_share` of it.
+    """
+    start = assess(case, weight, base)
+    trials: list[Trial] = []
+    front, finished = [start], [start]
+    seen: set[frozenset] = set()
+    for depth in range(settings.most):
+        found: list[Model] = []
+        for model in front:
+            found += _extend(model, start, effects, settings, trials, depth)
+        unique = []
+        for model in sorted(found, key=lambda m: m.total):
+            key = frozenset(t.key for t in model.effects)
+            if key not in seen:
+                seen.add(key)
+                unique.append(model)
+        if not unique:
+            break
+        unique[: settings.branches] = [_settled(m) for m in unique[: settings.branches]]
+        unique.sort(key=lambda m: m.total)
+        finished += unique
+        best = unique[0]
+        say("  " + " + ".join(_names(best)) + f": held-out chi-square {best.total / (weight > 0).sum():.4f}")
+        front = [m for m in unique[: settings.branches] if m.excess < 3 * max(best.excess, 0) + 0.01]
+        if is_noise(best):
+            break
+    return start, _choose(case, weight, finished, settings), trials
+
+
+def is_noise(model: Model) -> bool:
+    """Return whether nothing but noise is left of a model's residual."""
+    return model.structure < 0.004 and model.worst < 6.5
+
+
+def spread_frames(case: Case, most: int) -> NDArray[np.int64]:
+    """Return frames that show as many lamps and poses as possible."""
+    if case.num_frames <= most:
+        return np.arange(case.num_frames)
+    chosen: list[int] = []
+    lit = np.zeros(case.lit.max() + 1)
+    pose = np.zeros(case.pose.max() + 1)
+    even = np.linspace(0, case.num_frames - 1, most).round()
+    for _ in range(most):
+        cost = lit[case.lit] + pose[case.pose] + 0.001 * np.abs(np.arange(case.num_frames) - even[len(chosen)])
+        cost[chosen] = np.inf
+        f = int(np.argmin(cost))
+        chosen.append(f)
+        lit[case.lit[f]] += 1
+        pose[case.pose[f]] += 1
+    return np.array(sorted(chosen))
+
+
+def _names(model: Model) -> list[str]:
+    return [t.effect.id + (f"({t.target})" if t.target else "") for t in model.effects] or ["nothing"]
+
+
+def _settled(model: Model) -> Model:
+    """Return the model on pieces gathered where it puts things, if it moves any."""
+    if not needs_settling(model.terms):
+        return model
+    return assess(*settle(model.case, model.terms, weigh))
+
+
+def _extend(
+    model: Model, start: Model, effects: list[Effect], settings: SearchSettings, trials: list[Trial], depth: int
+) -> list[Model]:
+    """Return the models with one effect more that are better by enough."""
+    case, weight = model.case, model.weight
+    frames = spread_frames(case, settings.screen_frames)
+    small = subset(case, frames) if len(frames) < case.num_frames else case
+    have = {t.key for t in model.effects}
+    small_weight = weight[frames]
+    small_base = fit(small, small_weight, _carried(case, small, frames, model.terms), 2)
+    small_model = assess(small, small_weight, small_base)
+    about = context(small, small_weight, small_base)
+    tried: list[tuple[float, Effect, str | None, Fit]] = []
+    pairs = [(e, t) for e in effects for t in e.targets(case) if (e.id, t) not in have]
+    n = float((small_weight > 0).sum())
+    joint: dict[str, float] = {}
+    best = 0.0
+    for effect, target in tracked(pairs, "trying effects" if depth == 0 else f"trying effect {depth + 1}"):
+        # What all targets together cannot explain, one of them cannot.
+        if effect.id in joint and joint[effect.id] < settings.follow * best:
+            continue
+        least = max(settings.follow * best, 0.3 * settings.least_gain) * n
+        fitted = _try(small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - least)
+        if fitted is None or fitted.iterations == 0:
+            gain = 0.0
+        else:
+            gain = (small_model.total - float(held_out(small, fitted).sum())) / n
+        if target is None:
+            joint[effect.id] = gain
+        best = max(best, gain)
+        if fitted is None or fitted.iterations == 0:
+            continue
+        trials.append(Trial(effect.id, target, tuple(_names(model)), gain, np.nan, False))
+        if gain > 0.5 * settings.least_gain:
+            tried.append((gain, effect, target, fitted))
+    tried.sort(key=lambda t: -t[0])
+    out = []
+    full = context(case, weight, model.fit)
+    n_all = float((weight > 0).sum())
+    for gain, effect, target, small_fit in tried[: settings.finalists]:
+        if gain < settings.follow * tried[0][0]:
+            break
+        fitted = _try(case, weight, model.fit, full, effect, target, 10, small_fit.terms[-1])
+        if fitted is None:
+            continue
+        candidate = assess(case, weight, fitted)
+        gain, sigmas = gain_of(case, weight, model, candidate)
+        trials.append(Trial(effect.id, target, tuple(_names(model)), gain, sigmas, True, candidate))
+        # What has been found is an approximation: 1.5 % of its amplitude may be left over without being an effect.
+        least = max(settings.least_gain, settings.approximation**2 * (start.total - model.total) / n_all)
+        if gain > least and sigmas > settings.sigmas:
+            out.append(candidate)
+    return out
+
+
+def _carried(case: Case, small: Case, frames: NDArray, terms: list[Term]) -> list[Term]:
+    """Return terms for a subset of the frames: what was prepared for pieces and frames is cut to them."""
+    out = []
+    size = case.size[0] * case.size[1]
+    keep = np.isin(case.pieces.pixel // size, frames)
+    new_row = np.cumsum(keep) - 1
+    for t in terms:
+        values = {}
+        for p in t.parameters:
+            v = t.values[p.name]
+            if p.per == "frame":
+                v = np.asarray(v)[frames]
+            elif p.per == "pose":
+                v = np.array([np.asarray(v)[case.pose[frames[small.pose == g][0]]] for g in range(small.pose.max() + 1)])
+            values[p.name] = v
+        out.append(Term(t.effect, t.target, _cut(t.aux, keep, new_row), t.parameters, values))
+    return out
+
+
+def _cut(aux, keep: NDArray[np.bool_], new_row: NDArray):
+    """Cut what an effect prepared to the pieces of fewer frames: arrays with one row a piece, and lists of their rows."""
+    if isinstance(aux, np.ndarray) and len(aux) == len(keep):
+        return aux[keep]
+    if isinstance(aux, dict) and "own" in aux:
+        held = keep[aux["own"]]
+        cut = {k: v[held] if isinstance(v, np.ndarray) and len(v) == len(held) else v for k, v in aux.items()}
+        cut["own"] = new_row[aux["own"][held]]
+        return cut
+    if isinstance(aux, list) and aux and isinstance(aux[0], tuple) and isinstance(aux[0][0], np.ndarray):
+        return [(new_row[r[keep[r]]], *(o[keep[r]] for o in others)) for r, *others in aux]
+    return aux
+
+
+def _try(
+    case: Case, weight: Floats, base: Fit, about: Context, effect: Effect, target: str | None, iterations: int,
+    guess: Term | None = None, hopeless: float = np.inf,
+) -> Fit | None:  # fmt: skip
+    """Return the fit of a model with one effect more, from the best of its first guesses; None where it has no place."""
+    aux = effect.prepare(case, target, about)
+    if aux is False:
+        return None
+    parameters = effect.parameters(case, target)
+    starts = effect.starts(case, target, aux)
+    if guess is not None:
+        whole = {p.name: guess.values[p.name] for p in parameters if p.per == ""}
+        starts = [{**s, **whole} for s in starts[:1]] if whole else starts
+    best = None
+    for s in starts:
+        term = Term(effect, target, aux, parameters, {k: np.asarray(v, float) for k, v in s.items()})
+        fitted = fit(case, weight, [*base.terms, term], 2 if len(starts) > 1 else iterations, hopeless=hopeless)
+        if fitted.iterations == 0 and best is not None:
+            continue
+        if best is None or best.iterations == 0 or fitted.total < best.total:
+            best = fitted
+    if best is not None and best.iterations > 0 and len(starts) > 1:
+        best = fit(case, weight, best.terms, iterations)
+    return best
+
+
+def _choose(case: Case, weight: Floats, models: list[Model], settings: SearchSettings) -> Model:
+    """Return the model with the least left over, where each effect has to pay for itself."""
+    n = float((weight > 0).sum())
+    floor = max(min(m.excess for m in models), 0.0)
+
+    def cost(m: Model) -> float:
+        return np.log(max(m.total / n - m_floor, 1e-3)) - len(m.effects) * np.log(1 - settings.least_share)
+
+    m_floor = min(m.total / n for m in models) - floor - 0.004
+    return min(models, key=cost)

@@ -1,0 +1,226 @@
+"""The diagnosis, from a recording and what was believed of it to a verdict: calibrate, locate, attribute, prove."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, search
+from .calibrate import calibrate, free_term, weigh
+from .case import Case, Floats, pixel_variance
+from .effect import Effect, Term
+from .locate import Dependence, dependences, located
+from .prove import HeldOut, prove
+from .settle import needs_settling, settle
+from .solve import by_frame, covariance, fit, predict
+
+logger = logging.getLogger("meniscus")
+_SIGMAS = 3.0
+# Stated and found noise may differ by this share without being called a mismatch: what renders the recording adds its own.
+_NOISE_SHARE = 0.06
+
+
+@dataclass
+class Finding:
+    """An effect that was found.
+
+    Attributes
+    ----------
+    parameters : dict
+        By name: value, unit and ci90; of parameters per frame or pose lists.
+    gain : float
+        What held-out chi-square a value gains by it, all other effects being there.
+    p_value : float
+        Of that gain being chance, over blocks of repeats.
+    """
+
+    id: str
+    title: str
+    says: str
+    where: str | None
+    parameters: dict[str, Any]
+    gain: float
+    p_value: float
+    ambiguous_with: list[str] = field(default_factory=list)
+    decides: str = ""
+
+
+@dataclass
+class Diagnosis:
+    """What was found, and all that it rests on."""
+
+    case: Case
+    seed: int
+    verdict: str
+    findings: list[Finding]
+    base: Model
+    best: Model
+    trials: list[Trial]
+    held_out: HeldOut
+    located: NDArray[np.bool_]
+    affected: NDArray[np.bool_]
+    noise_factor: float
+    depends_on: list[Dependence]
+    tested: list[str]
+    notes: list[str]
+
+    @property
+    def predicted(self) -> Floats:
+        """What the final model predicts (F, H, W, 3), divided by exposures."""
+        return self.best.fit.picture
+
+
+def diagnose(
+    case: Case,
+    effects: list[Effect],
+    seed: int = 0,
+    settings: SearchSettings | None = None,
+    say: Callable[[str], None] = logger.info,
+) -> Diagnosis:
+    """Find out which of the effects were left out of the simulation.
+
+    Parameters
+    ----------
+    effects : list of Effect
+        The catalogue to choose from.
+    seed : int
+        Of the choice of held-out views and lights.
+    say : function
+        Told what is going on, line by line.
+    """
+    settings = settings or SearchSettings()
+    say(f"{case.num_frames} frames, {len(np.unique(case.pose))} views, {len(np.unique(case.lit))} lights")
+    fitted, weight = calibrate(case)
+    fitted = fit(case, weight, fitted.terms, 8)
+    first = assess(case, weight, fitted)
+    z = (case.pictures - fitted.picture) * np.sqrt(weight)
+    found = located(case, z, max(first.white, 1.0))
+    say(f"calibrated: chi-square {first.total / (weight > 0).sum():.4f} a value, {found.mean():.1%} of the pixels located")
+    if is_noise(first):
+        base, best, trials = first, first, []
+    else:
+        base, best, trials = search(case, weight, fitted, effects, settings, say)
+    best = polished(best)
+    best, losses = pruned(case, base, best, settings)
+    findings = [_finding(case, best, t, *losses[t.key]) for t in best.effects]
+    _name_ambiguities(best, findings, trials)
+    notes = list(case.notes)
+    if case.noise_estimated:
+        notes.append(
+            f"The recording states no noise; it was estimated from the finest differences: read_sigma "
+            f"{case.noise.read_sigma:.3g}, shot_gain {case.noise.shot_gain:.3g}."
+        )
+    if case.num_frames == 1:
+        notes.append("One frame only: nothing could be held out, and what changes between frames cannot be seen.")
+    noisy = not case.noise_estimated and abs(best.white - 1) > _NOISE_SHARE and best.structure < 0.03 * best.white**2 + 0.01
+    if noisy and "noise_model" in {e.id for e in effects}:
+        findings.append(_noise_finding(best))
+    clean = is_noise(best)
+    if findings:
+        verdict = "explained" if clean else "partly_explained"
+    else:
+        verdict = "consistent" if clean else "unexplained"
+    residual = (best.case.pictures - best.fit.picture) * np.sqrt(best.weight)
+    affected = _affected(case, best) if findings else (found if verdict == "unexplained" else np.zeros_like(found))
+    if noisy:
+        # Noise is everywhere, though no noise-free pixel is changed by it.
+        notes.append(f"The noise is {best.white:.2f} times what the recording states.")
+    depends = [] if clean else dependences(best.case, residual, best.fit.picture, best.white)
+    say("proving on held-out views and lights")
+    proof = prove(case, base, best, seed)
+    tested = [e.id for e in effects]
+    return Diagnosis(case, seed, verdict, findings, base, best, trials, proof, found, affected, best.white, depends, tested, notes)
+
+
+def polished(model: Model) -> Model:
+    """Return the model fitted to the end."""
+    if not model.effects:
+        return model
+    if needs_settling(model.terms):
+        return assess(*settle(model.case, model.terms, weigh, 2))
+    return assess(model.case, model.weight, fit(model.case, model.weight, model.terms, 15, 1e-6))
+
+
+def pruned(
+    case: Case, base: Model, model: Model, settings: SearchSettings
+) -> tuple[Model, dict[tuple[str, str | None], tuple[float, float]]]:
+    """Take out again what is not needed; return the model, and (gain, sigmas) of each effect over a model without it."""
+    while True:
+        losses = {}
+        for t in model.effects:
+            others = [o for o in model.terms if o.key != t.key]
+            if len(model.effects) == 1:
+                less = base
+            elif t.effect.settles:
+                start = [o for o in others if o.key != t.key]
+                less = assess(case, base.weight, fit(case, base.weight, start, 8))
+            else:
+                less = assess(model.case, model.weight, fit(model.case, model.weight, others, 8))
+            losses[t.key] = gain_of(case, model.weight, less, model)
+        needless = [k for k, (gain, sigmas) in losses.items() if gain < settings.least_gain or sigmas < settings.sigmas]
+        if not needless or len(model.effects) < 2:
+            return model, losses
+        worst = min(needless, key=lambda k: losses[k][0])
+        kept = [t for t in model.terms if t.key != worst]
+        model = assess(model.case, model.weight, fit(model.case, model.weight, kept, 10))
+
+
+def _finding(case: Case, model: Model, t: Term, gain: float, sigmas: float) -> Finding:
+    sigma = covariance(model.case, model.fit)
+    parameters: dict[str, Any] = {}
+    for p in t.parameters:
+        value, s = np.atleast_1d(t.values[p.name]), np.atleast_1d(sigma[(*t.key, p.name)])
+        low, high = np.clip(value - 1.645 * s, p.low, p.high), np.clip(value + 1.645 * s, p.low, p.high)
+        one = p.per == ""
+        parameters[p.name] = {
+            "value": float(value[0]) if one else value.tolist(),
+            "unit": p.unit,
+            "ci90": [float(low[0]), float(high[0])] if one else np.stack([low, high], 1).tolist(),
+        } | ({} if one else {"per": p.per})
+    parameters |= t.effect.summary(model.case, by_frame(model.case, t), t.target, t.aux)
+    e = t.effect
+    return Finding(e.id, e.title, e.says, t.target, parameters, gain, float(norm.sf(min(sigmas, 37.0))), [], e.decides)
+
+
+def _noise_finding(model: Model) -> Finding:
+    n = max(int((model.weight > 0).sum()) // 4, 1)
+    s = model.white * np.sqrt(1.36 / n)  # a median of absolute values is worth 37 % of the values
+    return Finding(
+        "noise_model", "another noise than stated", "the residual has no structure, but not the size that the noise model gives it",
+        None, {"sigma_factor": {"value": model.white, "unit": "1", "ci90": [model.white - 1.645 * s, model.white + 1.645 * s]}},
+        0.0, float(norm.sf(min(abs(model.white - 1) / s, 37.0))), [], "photograph one scene twice and take the difference",
+    )  # fmt: skip
+
+
+def _name_ambiguities(best: Model, findings: list[Finding], trials: list[Trial]) -> None:
+    """Name what does as well in the place of each finding: within one standard error, or so little worse that it is no matter."""
+    others = {f.id for f in findings}
+    for finding in findings:
+        rest = {f.id for f in findings if f is not finding}
+        for trial in sorted(trials, key=lambda t: -t.gain):
+            if trial.model is None or trial.id in others or trial.id in finding.ambiguous_with:
+                continue
+            ids = {t.effect.id for t in trial.model.effects}
+            if ids != rest | {trial.id}:
+                continue
+            if trial.model.excess < best.excess + max(0.002, 0.1 * abs(best.excess + 0.03)) and len(finding.ambiguous_with) < 2:
+                finding.ambiguous_with.append(trial.id)
+
+
+def _affected(case: Case, best: Model) -> NDArray[np.bool_]:
+    """Return where the effects change the noise-free pixel by more than three standard deviations (F, H, W).
+
+    Those of the sensor's noise on the picture without the effects, which is what the sender would have gone by.
+    """
+    free = free_term(case)
+    free.values = {k: np.copy(v) for k, v in best.terms[0].values.items()}
+    without = predict(case, [free])[2]
+    variance = pixel_variance(without, case.noise, [f.exposure for f in case.recording.frames])
+    change = np.abs(best.fit.picture - without) / np.sqrt(variance)
+    return np.any(change > _SIGMAS, axis=-1)
