@@ -14,13 +14,17 @@ from materials.foundation.errors import InputError
 from ..boxes import Box, read_boxes
 from ..camera import Camera
 from ..images import write_raw
+from ..points import read_points
 from ..recording import Frame, MaskFile, Recording
-from ..transforms import transform_points
+from ..transforms import invert, transform_points
 from .build_settings import DynamicsSettings
+from .moving_masks import outlines
 
 Floats = NDArray[np.floating]
 # Nearer to the camera's plane than this a box is cut off: what lies in the plane itself is seen infinitely far out [m].
 _NEAR = 0.3
+# So many points of a sweep draw an outline, if they reach within this of the box's top [m].
+_FEWEST, _LACKING = 60, 0.25
 # Corner pairs of the twelve edges, corners numbered as `Box.corners` does.
 _EDGES = np.array([(a, a | bit) for a in range(8) for bit in (1, 2, 4) if not a & bit])
 
@@ -85,7 +89,11 @@ def boxes_to_draw(recording: Recording, settings: DynamicsSettings | None = None
 def write_box_masks(recording: Recording, boxes: list[dict[int, Box]], folder: Path) -> None:
     """Draw the masks of the frames that have boxes and no masks: a 16-bit PNG each, `NNNN.png` by the frame's number."""
     for number, frame in _without_masks(recording):
-        write_raw(folder / f"{number:04d}.png", box_mask(frame.camera, boxes[number]).astype(np.uint16))
+        sweep = None
+        if frame.points is not None and boxes[number]:
+            points = frame.points.unit * read_points(frame.points.file)[:, :3].astype(np.float64)
+            sweep = transform_points(frame.points.T_world_points, points)
+        write_raw(folder / f"{number:04d}.png", box_mask(frame.camera, boxes[number], sweep).astype(np.uint16))
 
 
 def with_box_masks(recording: Recording, boxes: list[dict[int, Box]], folder: Path) -> Recording:
@@ -101,19 +109,38 @@ def _without_masks(recording: Recording) -> list[tuple[int, Frame]]:
     return [(i, frame) for i, frame in enumerate(recording.frames) if frame.boxes is not None and frame.masks is None]
 
 
-def box_mask(camera: Camera, boxes: dict[int, Box]) -> NDArray[np.int32]:
-    """Return the mask (H, W) of boxes in the world by id: each the convex outline of its projection, near ones over far ones.
+def box_mask(camera: Camera, boxes: dict[int, Box], sweep_world: Floats | None = None) -> NDArray[np.int32]:
+    """Return the mask (H, W) of boxes in the world by id, near ones over far ones.
 
-    An outline is wider than the object in it, mostly beside a bonnet and below a body: what it takes too much is left dry.
+    Each is the convex outline of the box's projection, which is wider than the object in it: what it takes too much is left
+    dry. Where the frame's sweep (N, 3) shows the whole of an object, up to the box's top, the outline of its points cuts it.
     """
     mask = np.zeros((camera.height, camera.width), np.int32)
     depth = {id: float((b.T_boxes_object[:3, 3] - camera.position) @ camera.T_world_camera[:3, 2]) for id, b in boxes.items()}
     for id in sorted(boxes, key=lambda id: (-depth[id], id)):
         outline = _outline(camera, boxes[id])
-        if outline is not None:
-            # OpenCV's whole numbers are the centres of pixels; 4 bits hold fractions of them.
-            cv2.fillConvexPoly(mask, np.rint(16 * (outline - 0.5)).astype(np.int32), id, shift=4)
+        if outline is None:
+            continue
+        own = np.zeros(mask.shape, np.uint8)
+        # OpenCV's whole numbers are the centres of pixels; 4 bits hold fractions of them.
+        cv2.fillConvexPoly(own, np.rint(16 * (outline - 0.5)).astype(np.int32), 1, shift=4)
+        body = None if sweep_world is None else _body(boxes[id], sweep_world)
+        if body is not None:
+            own &= (outlines(camera, body, np.ones(len(body), np.int32)) > 0).astype(np.uint8)
+        mask[own > 0] = id
     return mask
+
+
+def _body(box: Box, sweep_world: Floats) -> NDArray[np.float64] | None:
+    """Return the sweep's points on an object, and below its lower ones on the box's lower face; None if they show a part only."""
+    points = sweep_world[box.contains(sweep_world, 0.1)]
+    local = transform_points(invert(box.T_boxes_object), points)
+    height = local[:, 2] + 0.5 * box.size[2]
+    above = height > 0.15  # what lies lower may be the road, which fills the box's outline
+    if above.sum() < _FEWEST or height[above].max() < box.size[2] - _LACKING:
+        return None
+    foot = local[above & (height < 0.6)] * (1, 1, 0) - (0, 0, 0.5 * box.size[2])
+    return np.concatenate([points[above], transform_points(box.T_boxes_object, foot)])
 
 
 def _outline(camera: Camera, box: Box) -> NDArray[np.float32] | None:

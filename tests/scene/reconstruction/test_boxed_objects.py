@@ -68,6 +68,21 @@ def test_the_mask_of_a_box_is_its_projected_outline(tmp_path):
     assert not ((mask > 0) & ~binary_dilation(truth, np.ones((3, 3)), iterations=2)).any()
 
 
+def test_a_sweep_that_shows_a_whole_object_cuts_the_outline_of_its_box(tmp_path):
+    rng = np.random.default_rng(0)
+    box = car("1", 12, 1, yaw=0.4)
+    # A body of half the box's width on the side of its back, from the road to its top.
+    local = np.column_stack([np.full(800, -2.0), rng.uniform(-0.9, 0.0, 800), rng.uniform(-0.8, 0.8, 800)])
+    body = local @ box.T_boxes_object[:3, :3].T + box.T_boxes_object[:3, 3]
+    whole, cut = box_mask(CAMERA, {3: box}) > 0, box_mask(CAMERA, {3: box}, body) > 0
+    assert cut.sum() < 0.7 * whole.sum() and not (cut & ~whole).any()
+    columns, rows = CAMERA.project(body)[0].astype(int).T
+    assert cut[rows, columns].all()
+    # Where the sweep ends below the top, nobody knows how wide the rest is.
+    low = body[local[:, 2] < 0.3]
+    assert np.array_equal(box_mask(CAMERA, {3: box}, low) > 0, whole)
+
+
 def test_the_nearer_box_hides_the_farther_and_one_beside_the_camera_is_cut(tmp_path):
     mask = box_mask(CAMERA, {1: car("a", 8), 2: car("b", 16)})
     assert mask[60, 160] == 1
