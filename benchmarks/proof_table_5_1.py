@@ -1,6 +1,6 @@
 """Table 5.1 of the thesis on nine virtual samples: cost and relative variance of the models, with and without normals.
 
-A sample has 64 x 64 texels, of which every eighth each way is measured under 151 x 151 directions and fitted.
+A sample has 64 x 64 texels, of which every thirteenth each way is measured under 151 x 151 directions and fitted.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from transport.dome_samples import SAMPLES, dome_sample
 
 from .report import Report
 
-_SIZE, _STEP = 64, 8
+_SIZE, _STEP = 64, 13
 _FITS = (("ct", 2), ("ward", 2), ("phong", 2), ("ggx", 1), ("ggx", 2))
 
 

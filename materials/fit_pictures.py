@@ -162,7 +162,7 @@ def save_textures(path: Path, material: SVBRDF) -> None:
     for axes, (title, values, cmap) in zip(grid.flat, shown):
         finite = values[np.isfinite(values)]
         low, high = np.percentile(finite, (1, 99)) if cmap and len(finite) else (0.0, 1.0)
-        drawn = axes.imshow(values, cmap=cmap, vmin=low, vmax=max(high, low + 1e-9), interpolation="nearest")
+        drawn = axes.imshow(values, cmap=cmap, vmin=low, vmax=max(high, low + 1e-3), interpolation="nearest")
         axes.set_title(title, fontsize=9)
         if cmap:
             figure.colorbar(drawn, ax=axes, shrink=0.7)

@@ -6,7 +6,7 @@ sends light to itself. What comes out is an apparent BRDF per texel (thesis, 2.4
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,6 +121,8 @@ def acquire(relief: Relief, settings: DomeSettings = DomeSettings(), texels: NDA
         if (places < 0).any() or (places >= (height, width)).any():
             raise InputError(f"lie within {(height, width)}", got=places.max(axis=0).tolist(), key="texels")
     wi, wo = even_directions(settings.lights, settings.rim_deg), even_directions(settings.views, settings.rim_deg)
+    # In texels instead of metres: how far rays start off a surface suits lengths about 1. Reflectance has no length.
+    relief = replace(relief, height=relief.height / relief.texel, texel=1.0)
     scene, top = _mesh(relief, settings.rim_deg)
     maps = np.concatenate([relief.albedo, relief.specular_scale[..., None], relief.alpha], axis=2).astype(np.float64)
     out = np.zeros((len(places), len(wi), len(wo), 3), np.float32)
@@ -152,7 +154,7 @@ def _mesh(relief: Relief, rim_deg: float) -> tuple[EmbreeScene, float]:
     copies = [int(np.ceil(reach / (n * relief.texel))) + 1 for n in (height, width)]
     if max(copies) > 64:
         raise InputError(
-            "be low beside its width", got=f"{amplitude:g} m", key="height", remedy="Give a larger piece or less relief."
+            "be low beside its width", got=f"{amplitude:g} texels", key="height", remedy="Give a larger piece or less relief."
         )
     rows = np.arange(-copies[0] * height, (copies[0] + 1) * height + 1)
     cols = np.arange(-copies[1] * width, (copies[1] + 1) * width + 1)

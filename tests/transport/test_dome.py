@@ -36,8 +36,9 @@ def test_relief_as_a_whole_is_reciprocal_and_grooves_light_themselves():
     s = DomeSettings(lights=16, views=16, samples=64, bounces=4)
     rough = relief(waves(1e-3), albedo=0.9)
     mean = acquire(rough, s).normalise().value.mean(axis=(0, 2)).reshape(16, 16)
-    # the same light whichever way it goes, once averaged over a period: 144 texels of 64 paths, whose noise is below 1 %
-    assert np.allclose(mean, mean.T, rtol=0.05) and np.median(np.abs(mean / mean.T - 1)) < 0.01
+    # The same light whichever way it goes, once averaged over a period. Smooth normals on triangles are not quite reciprocal: the
+    # waves have 12 cells, whose triangles turn by 30 degrees from one to the next; it shows at grazing angles most.
+    assert np.allclose(mean, mean.T, rtol=0.1) and np.median(np.abs(mean / mean.T - 1)) < 0.01
     direct = acquire(rough, replace(s, bounces=1)).normalise().value.mean(axis=(0, 2)).reshape(16, 16)
     assert direct.mean() < 0.95 * mean.mean() < 0.9 / math.pi
 
