@@ -9,7 +9,7 @@ import numpy as np
 from ..kernels import shadows
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values
-from ..mismatch.formation import State, frame_of
+from ..mismatch.formation import State, eyes, frame_of, sight
 
 
 class MissingOccluder(Effect):
@@ -31,7 +31,9 @@ class MissingOccluder(Effect):
             Parameter(f"centre.{a}", 0.5 * (lo + hi), lo - size, hi + size, 0.003 * size, "m")
             for a, lo, hi in zip("xyz", low, high, strict=True)
         ]
-        return (*centre, Parameter("radius", 0.08 * size, 0.005 * size, 0.5 * size, 0.003 * size, "m"))
+        # Where it stands in the view it is taken for a matte ball.
+        albedo = [Parameter(f"albedo.{c}", 0.2, 0.0, 1.0, 0.02, spread=0.3) for c in "rgb"]
+        return (*centre, Parameter("radius", 0.08 * size, 0.005 * size, 0.5 * size, 0.003 * size, "m"), *albedo)
 
     def _box(self, case: Case) -> tuple[np.ndarray, np.ndarray]:
         p = case.pieces.position[case.pieces.shape >= 0]
@@ -71,14 +73,15 @@ class MissingOccluder(Effect):
         return aux
 
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
-        p = case.pieces
-        centre = tuple(float(values[f"centre.{a}"]) for a in "xyz")
-        lit, seen = np.empty_like(p.visible), np.empty(len(p), np.float32)
-        shadows.sphere_shadow(
-            p.position, p.across, p.down, p.view, p.distance, frame_of(case), case.slots, state.lamps, centre,
-            float(values["radius"]), lit, seen,
-        )  # fmt: skip
-        seen[p.shape < 0] = 1
+        p, frame = case.pieces, frame_of(case)
+        centre, radius = tuple(float(values[f"centre.{a}"]) for a in "xyz"), float(values["radius"])
+        lit, seen, light = np.empty_like(p.visible), np.empty(len(p), np.float32), np.empty((len(p), 3), np.float32)
+        shadows.sphere_shadow(p.position, p.across, p.down, frame, case.slots, state.lamps, centre, radius, lit)
         state.visible = state.visible * lit
-        # What stands in the view is taken for black.
-        state.scale_albedo(np.repeat(seen[:, None], 3, 1))
+        distance = np.where(p.shape < 0, np.inf, p.distance)
+        camera = case.cameras[0]
+        angle = 1 / camera.fx if camera.model != "ORTHOGRAPHIC" else 1e-3
+        shadows.sphere_in_view(
+            eyes(case), angle, sight(case), distance, frame, case.slots, state.lamps, centre, radius, seen, light
+        )  # fmt: skip
+        state.veil(np.repeat(seen[:, None], 3, 1), light * np.array([values[f"albedo.{c}"] for c in "rgb"]))

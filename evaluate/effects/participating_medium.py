@@ -9,7 +9,7 @@ import numpy as np
 from ..kernels import veil
 from ..mismatch.case import Case
 from ..mismatch.effect import Effect, Parameter, Values
-from ..mismatch.formation import State, frame_of
+from ..mismatch.formation import State, eyes, frame_of, sight
 
 
 class ParticipatingMedium(Effect):
@@ -45,28 +45,12 @@ class ParticipatingMedium(Effect):
         beyond = self._beyond(case)
         if "reach" in values:
             distance[beyond] = values["reach"]
-        eye = np.array([c.position for c in case.gathered_cameras])
-        frame = frame_of(case)
-        view = p.view.copy()
-        if beyond.any():
-            view[beyond] = self._rays(case)[beyond]
         scale_height, base = self._height(values)
         through, lamp_light = np.empty((len(p), 3), np.float32), np.zeros((len(p), 3), np.float32)
         veil.veil(
-            eye, frame, view, distance, case.slots, state.lamps, float(values["sigma_t"]), scale_height, base,
-            float(values.get("g", 0.0)), 8, through, lamp_light,
+            eyes(case), frame_of(case), sight(case), distance, case.slots, state.lamps, float(values["sigma_t"]), scale_height,
+            base, float(values.get("g", 0.0)), 8, through, lamp_light,
         )  # fmt: skip
         air = np.array([values[f"airlight.{c}"] for c in "rgb"], np.float32)
-        state.through = through
         single = np.float32(values.get("single_albedo", 0.0))
-        state.air = ((1 - through) * air + single * lamp_light).astype(np.float32)
-
-    def _rays(self, case: Case) -> np.ndarray:
-        """Return the direction back to the camera for every piece, beyond the world too."""
-        if "rays" not in case.cache:
-            size = case.size[0] * case.size[1]
-            rays = np.concatenate([-c.rays(c.pixel_centres())[1] for c in case.gathered_cameras])
-            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-            assert len(rays) == size * case.num_frames
-            case.cache["rays"] = rays[case.pieces.pixel].astype(np.float32)
-        return case.cache["rays"]
+        state.veil(through, (1 - through) * air + single * lamp_light)

@@ -13,10 +13,12 @@ from materials.foundation.progress import tracked
 
 from .calibrate import weigh, white_level
 from .case import Case, Floats, subset
-from .effect import Context, Effect, Term
+from .effect import Context, Effect, Term, shape_index
 from .locate import largest_tile, structure
 from .settle import needs_settling, settle
-from .solve import Fit, context, fit, held_out
+from .solve import Fit, context, fit, held_out, predict
+from .surface_map import refined_mask
+from .warp import first_piece
 
 logger = logging.getLogger("meniscus")
 
@@ -309,7 +311,28 @@ def _try(
             best = fitted
     if best is not None and best.iterations > 0 and len(starts) > 1:
         best = fit(case, weight, best.terms, iterations)
+    if best is not None and guess is not None and effect.on_region:
+        best = _with_better_mask(case, weight, best)
     return best
+
+
+def _with_better_mask(case: Case, weight: Floats, fitted: Fit, rounds: int = 3) -> Fit:
+    """Return the fit with the mask of its last term refined, as long as that helps."""
+    for _ in range(rounds):
+        terms = [t.copy() for t in fitted.terms]
+        last, eps = terms[-1], np.float32(0.05)
+        shape, mask = shape_index(case, last.target), last.aux
+        last.aux = np.where(case.pieces.shape == shape, mask - np.sign(mask - 0.5) * eps, 0).astype(np.float32)
+        step = np.where(mask > 0.5, -eps, eps)
+        changed = predict(case, terms)[2]
+        # A pixel is mostly one piece: that piece's step is the pixel's.
+        by = step[first_piece(case)].reshape(*case.valid.shape, 1)
+        last.aux = refined_mask(case, shape, mask, context(case, weight, fitted), (changed - fitted.picture) / by)
+        better = fit(case, weight, terms, 4)
+        if better.total > 0.999 * fitted.total:
+            return better if better.total < fitted.total else fitted
+        fitted = better
+    return fitted
 
 
 def _choose(case: Case, weight: Floats, models: list[Model], settings: SearchSettings) -> Model:

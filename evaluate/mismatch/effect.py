@@ -103,6 +103,7 @@ class Effect:
     coordinates: ClassVar[str] = "surface"
     on_picture: ClassVar[bool] = False
     settles: ClassVar[bool] = False
+    on_region: ClassVar[bool] = False
 
     def targets(self, case: Case) -> list[str | None]:
         """Return what the effect may belong to (names of shapes or lights), [None] if to everything, [] if to nothing here."""

@@ -67,6 +67,13 @@ class State:
         irradiance = irradiance.astype(np.float32)
         self.ambient = irradiance if not len(self.ambient) else self.ambient + irradiance
 
+    def veil(self, through: NDArray, air: NDArray) -> None:
+        """Put something between surfaces and camera: of what came there passes `through` (N, 3), and `air` (N, 3) is added."""
+        through, air = through.astype(np.float32), air.astype(np.float32)
+        if len(self.through):
+            through, air = through * self.through, air + through * self.air
+        self.through, self.air = through, air
+
     def scale_albedo(self, factor: NDArray) -> None:
         """Multiply the albedo of the pieces (N, 3)."""
         factor = factor.astype(np.float32)
@@ -103,6 +110,24 @@ def frame_of(case: Case) -> NDArray[np.int64]:
     """Return the frame of each piece (N,)."""
     height, width = case.size
     return case.pieces.pixel // (height * width)
+
+
+def sight(case: Case) -> Floats:
+    """Return the direction from each piece back to the camera (N, 3), beyond the world too."""
+    if "sight" not in case.cache:
+        beyond = case.pieces.shape < 0
+        view = case.pieces.view
+        if beyond.any():
+            rays = np.concatenate([-c.rays(c.pixel_centres())[1] for c in case.gathered_cameras])
+            rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+            view = np.where(beyond[:, None], rays[case.pieces.pixel], view).astype(np.float32)
+        case.cache["sight"] = view
+    return case.cache["sight"]
+
+
+def eyes(case: Case) -> NDArray[np.float64]:
+    """Return where the cameras stand (F, 3)."""
+    return np.array([c.position for c in case.gathered_cameras])
 
 
 def radiance(case: Case, state: State) -> Floats:
