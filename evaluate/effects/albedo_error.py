@@ -20,6 +20,7 @@ class AlbedoError(Effect):
     taken_for = ("surface_wetness", "missing_occluder", "light_colour")
     decides = "look at the place towards a lamp's mirror direction: water shines there, paint does not"
     coordinates = "surface"
+    approximation = 0.08
     on_region = True
 
     def targets(self, case: Case) -> list[str | None]:

@@ -20,6 +20,7 @@ class ChromaticAberration(Effect):
     taken_for = ("lens_distortion",)
     decides = "photograph a black edge near a corner"
     coordinates = "sensor"
+    approximation = 0.05
     on_picture = True
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:

@@ -26,6 +26,7 @@ class Defocus(Effect):
     taken_for = ("motion_blur", "light_extent", "subsurface")
     decides = "stop the lens down"
     coordinates = "depth"
+    approximation = 0.15
     on_picture = True
 
     def targets(self, case: Case) -> list[str | None]:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..kernels import shade
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values
 from ..mismatch.formation import State, bounced
@@ -21,6 +22,8 @@ class Interreflection(Effect):
     taken_for = ("ambient_light", "subsurface")
     decides = "cover the neighbouring surface with black cloth"
     coordinates = "surface"
+    approximation = 0.1
+    prepares_again = True
 
     def targets(self, case: Case) -> list[str | None]:
         return [None] if case.simulation.transport.max_bounces < 8 else []
@@ -30,14 +33,28 @@ class Interreflection(Effect):
         return (Parameter("bounces", believed + 1.5, believed, believed + _BOUNCES, 0.25),)
 
     def prepare(self, case: Case, target: str | None, context: Context) -> Any:
-        orders = bounced(case, context.state, _BOUNCES)
-        return np.concatenate([np.zeros_like(orders[:, :1]), np.cumsum(orders, axis=1)], axis=1)
+        scale = context.state.surfaces[:, shade.SCALE : shade.SCALE + 3].copy()
+        return {"orders": bounced(case, context.state, _BOUNCES), "scale": scale, "share": self._share(case)}
+
+    def _share(self, case: Case) -> np.ndarray:
+        """Return the share of the world's area that each shape has: as often is light thrown back by it."""
+        area = np.array([_area(s.mesh.vertices, s.mesh.faces) for s in case.world.shapes])
+        return area / area.sum()
 
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
+        # Light that has met k surfaces goes with the k-th power of their albedos, which are being fitted.
+        now = state.surfaces[:, shade.SCALE : shade.SCALE + 3]
+        ratio = (aux["share"][:, None] * now / np.maximum(aux["scale"], 1e-9)).sum(axis=0)
         # Between whole numbers the next bounce comes in by its share.
-        b = float(np.clip(values["bounces"] - case.simulation.transport.max_bounces, 0, _BOUNCES))
-        k = min(int(b), _BOUNCES - 1)
-        state.add_ambient((1 - (b - k)) * aux[:, k] + (b - k) * aux[:, k + 1])
+        b = np.clip(values["bounces"] - case.simulation.transport.max_bounces, 0, _BOUNCES)
+        shares = np.clip(b - np.arange(_BOUNCES), 0, 1)
+        weights = (shares[:, None] * ratio ** np.arange(1, _BOUNCES + 1)[:, None]).astype(np.float32)
+        state.add_ambient(np.einsum("nkc,kc->nc", aux["orders"], weights))
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         return {"max_bounces": {"value": int(np.ceil(values["bounces"] - 0.25)), "unit": "1"}}
+
+
+def _area(vertices: np.ndarray, faces: np.ndarray) -> float:
+    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())

@@ -18,6 +18,7 @@ class LensDistortion(Effect):
     taken_for = ("pose_error", "chromatic_aberration")
     decides = "photograph a chequered board"
     coordinates = "sensor"
+    approximation = 0.05
     on_picture = True
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:

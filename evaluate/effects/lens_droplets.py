@@ -23,6 +23,7 @@ class LensDroplets(Effect):
     taken_for = ("moved_object", "defocus")
     decides = "wipe the glass"
     coordinates = "sensor"
+    approximation = 0.2
     on_picture = True
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:

@@ -21,6 +21,7 @@ class LightExtent(Effect):
     taken_for = ("defocus", "glare")
     decides = "look at outlines of bodies: a lens blurs them too, an extended lamp does not"
     coordinates = "surface"
+    approximation = 0.1
 
     def targets(self, case: Case) -> list[str | None]:
         return [None] if np.any(case.lamps[:, LAMP_KIND] == POINT) and case.simulation.transport.shadows else []

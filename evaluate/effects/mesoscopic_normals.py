@@ -21,6 +21,7 @@ class MesoscopicNormals(Effect):
     taken_for = ("albedo_error", "anisotropy")
     decides = "light the surface from opposite sides: relief turns its sign, paint does not"
     coordinates = "surface"
+    approximation = 0.2
 
     def targets(self, case: Case) -> list[str | None]:
         return list(shapes_seen(case, 0.02)) if len(np.unique(case.lit)) > 2 else []

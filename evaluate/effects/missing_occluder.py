@@ -20,6 +20,7 @@ class MissingOccluder(Effect):
     taken_for = ("albedo_error", "moved_object")
     decides = "look from the lamp: what hides the dark patch from it?"
     coordinates = "lamp"
+    approximation = 0.05
 
     def targets(self, case: Case) -> list[str | None]:
         return [None] if len(case.lamps) else []

@@ -23,6 +23,7 @@ class MotionBlur(PoseError):
     taken_for = ("defocus", "pose_error")
     decides = "shorten the exposure"
     coordinates = "frame"
+    approximation = 0.1
     settles = False
     per = "frame"
 

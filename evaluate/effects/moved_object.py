@@ -25,6 +25,7 @@ class MovedObject(Effect):
     taken_for = ("pose_error", "missing_occluder")
     decides = "measure where the body stands"
     coordinates = "surface"
+    approximation = 0.05
     settles = True
 
     def targets(self, case: Case) -> list[str | None]:

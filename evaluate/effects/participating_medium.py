@@ -20,6 +20,7 @@ class ParticipatingMedium(Effect):
     taken_for = ("glare", "height_fog", "ambient_light")
     decides = "photograph dark targets at several distances, and above each other"
     coordinates = "depth"
+    approximation = 0.2
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
         far = float(np.quantile(case.pieces.distance[case.pieces.shape >= 0], 0.9))

@@ -20,6 +20,7 @@ class PoseError(Effect):
     taken_for = ("lens_distortion", "moved_object", "rolling_shutter")
     decides = "calibrate the poses on targets that the simulation does not hold"
     coordinates = "frame"
+    approximation = 0.03
     on_picture = True
     settles = True
     per = "pose"

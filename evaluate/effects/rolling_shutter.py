@@ -21,6 +21,7 @@ class RollingShutter(PoseError):
     taken_for = ("pose_error", "lens_distortion")
     decides = "photograph the same with a still camera"
     coordinates = "time"
+    approximation = 0.1
     settles = False
     per = "frame"
 

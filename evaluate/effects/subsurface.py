@@ -23,6 +23,7 @@ class Subsurface(Effect):
     taken_for = ("defocus", "interreflection", "rough_diffuse")
     decides = "project a sharp edge of light onto the body"
     coordinates = "surface"
+    approximation = 0.25
 
     def targets(self, case: Case) -> list[str | None]:
         return list(shapes_seen(case, 0.01)) if len(case.lamps) else []

@@ -21,6 +21,7 @@ class SurfaceWetness(Effect):
     taken_for = ("albedo_error", "specular_lobe", "water_film")
     decides = "let it dry, or look along the mirror direction at grazing light"
     coordinates = "surface"
+    approximation = 0.05
     on_region = True
     widths: ClassVar[tuple[float, float, float]] = (0.15, 0.08, 0.6)
 

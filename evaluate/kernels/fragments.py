@@ -15,7 +15,9 @@ from transport.kernels.textures import lookup
 MAX_PIECES = 6  # shapes in one pixel; what is beyond counts as the last
 # Columns of the sums that `gather` returns.
 POSITION, NORMAL, FACE_NORMAL, TANGENT, ALBEDO, UV, DISTANCE = 0, 3, 6, 9, 12, 15, 17
-NUM_SUMS = 18
+# No sums, but those of the first point: the mean of points of a curved body lies below its surface.
+ANCHOR, ANCHOR_NORMAL = 18, 21
+NUM_SUMS = 24
 # Columns of a table of lamps: a direction towards the lamp, or its position.
 LAMP_KIND, LAMP_PLACE, LAMP_POWER = 0, 1, 4
 DIRECTIONAL, POINT = 0.0, 1.0
@@ -103,6 +105,8 @@ def gather(world, camera, pixels, n, lamps, lit_by, shape, count, sums, visible)
                     sums[q, g, ALBEDO + m] += value
                 if count[q, g] == 1:
                     sums[q, g, UV], sums[q, g, UV + 1] = hit.u, hit.v
+                    for m in range(3):
+                        sums[q, g, ANCHOR + m], sums[q, g, ANCHOR_NORMAL + m] = hit.p[m], ng[m]
                 sums[q, g, DISTANCE] += t
                 if world.material_kind[hit.material] != EMISSION:
                     for m in range(lit_by.shape[0]):

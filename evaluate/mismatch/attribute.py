@@ -45,8 +45,6 @@ class SearchSettings:
         Share of the best candidate's gain that a candidate must promise to be followed up.
     sigmas : float
         How surely it must gain, over blocks.
-    approximation : float
-        By which share of its amplitude the model of an effect may be wrong.
     """
 
     screen_frames: int = 6
@@ -57,7 +55,6 @@ class SearchSettings:
     least_share: float = 0.25
     follow: float = 0.2
     sigmas: float = 3.0
-    approximation: float = 0.015
 
 
 @dataclass
@@ -248,8 +245,9 @@ def _extend(
         candidate = assess(case, weight, fitted)
         gain, sigmas = gain_of(case, weight, model, candidate)
         trials.append(Trial(effect.id, target, tuple(_names(model)), gain, sigmas, True, candidate))
-        # What has been found is an approximation: 1.5 % of its amplitude may be left over without being an effect.
-        least = max(settings.least_gain, settings.approximation**2 * (start.total - model.total) / n_all)
+        # What has been found is an approximation: a share of its amplitude may be left over without being an effect.
+        rough = max((t.effect.approximation for t in model.effects), default=0.0)
+        least = max(settings.least_gain, rough**2 * (start.total - model.total) / n_all)
         if gain > least and sigmas > settings.sigmas:
             out.append(candidate)
     return out
@@ -278,7 +276,9 @@ def _cut(aux, keep: NDArray[np.bool_], new_row: NDArray):
     """Cut what an effect prepared to the pieces of fewer frames: arrays with one row a piece, and lists of their rows."""
     if isinstance(aux, np.ndarray) and len(aux) == len(keep):
         return aux[keep]
-    if isinstance(aux, dict) and "own" in aux:
+    if isinstance(aux, dict) and "own" not in aux:
+        return {k: _cut(v, keep, new_row) for k, v in aux.items()}
+    if isinstance(aux, dict):
         held = keep[aux["own"]]
         cut = {k: v[held] if isinstance(v, np.ndarray) and len(v) == len(held) else v for k, v in aux.items()}
         cut["own"] = new_row[aux["own"][held]]
@@ -313,6 +313,11 @@ def _try(
         best = fit(case, weight, best.terms, iterations)
     if best is not None and guess is not None and effect.on_region:
         best = _with_better_mask(case, weight, best)
+    if best is not None and guess is not None and effect.prepares_again:
+        terms = [t.copy() for t in best.terms]
+        terms[-1].aux = effect.prepare(case, target, context(case, weight, best))
+        again = fit(case, weight, terms, iterations)
+        best = again if again.total < best.total else best
     return best
 
 

@@ -92,6 +92,13 @@ class Effect:
         Whether it acts on finished pictures only: then nothing needs to be shaded anew.
     settles : bool
         Whether it moves lamps, cameras or bodies: what the pixels see is then traced anew once it has been found.
+    on_region : bool
+        Whether `aux` is a mask (N,) of the pieces, which is refined once the parameters are fitted.
+    prepares_again : bool
+        Whether `prepare` depends on the state, so that it is done again once the model has been fitted.
+    approximation : float
+        By which share of its amplitude what it predicts may be wrong: so much of it may be left over without being taken
+        for another effect.
     """
 
     id: ClassVar[str]
@@ -104,6 +111,8 @@ class Effect:
     on_picture: ClassVar[bool] = False
     settles: ClassVar[bool] = False
     on_region: ClassVar[bool] = False
+    prepares_again: ClassVar[bool] = False
+    approximation: ClassVar[float] = 0.015
 
     def targets(self, case: Case) -> list[str | None]:
         """Return what the effect may belong to (names of shapes or lights), [None] if to everything, [] if to nothing here."""

@@ -154,13 +154,13 @@ def open_sky(case: Case, samples: int = 48) -> Floats:
     if "open_sky" not in case.cache:
         p = case.pieces
         out = np.zeros(len(p), np.float32)
-        ambient_kernel.open_sky(case.world.arrays, p.position, p.normal, p.face_normal, samples, 1, out)
+        ambient_kernel.open_sky(case.world.arrays, p.anchor, p.normal, p.anchor_normal, samples, 1, out)
         out[p.shape < 0] = 0
         case.cache["open_sky"] = smoothed(case, out[:, None])[:, 0]
     return case.cache["open_sky"]
 
 
-def bounced(case: Case, state: State, bounces: int = 7, samples: int = 32) -> Floats:
+def bounced(case: Case, state: State, bounces: int = 7, samples: int = 48) -> Floats:
     """Return irradiance over pi (N, bounces, 3) that came by 1, 2, ... other surfaces, under the lamps and albedos of `state`."""
     p = case.pieces
     out = np.zeros((len(p), bounces, 3), np.float32)
@@ -168,7 +168,7 @@ def bounced(case: Case, state: State, bounces: int = 7, samples: int = 32) -> Fl
     scales = np.ascontiguousarray(state.surfaces[:, kernel.SCALE : kernel.SCALE + 3])
     sky = state.sky * float(case.sky.any())
     ambient_kernel.bounced(
-        case.world.arrays, scales, p.position, p.normal, p.face_normal, rows, state.lamps, sky, bounces, samples, 2, out
+        case.world.arrays, scales, p.anchor, p.normal, p.anchor_normal, rows, state.lamps, sky, bounces, samples, 2, out
     )
     out[p.shape < 0] = 0
     flat = smoothed(case, out.reshape(len(p), -1))

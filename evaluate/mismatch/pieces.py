@@ -19,8 +19,8 @@ Floats = NDArray[np.float32]
 _COARSE, _FINE = 2, 8
 # The arrays of `Pieces` with one row a piece, but for `pixel`.
 PER_PIECE = (
-    "weight", "shape", "position", "normal", "face_normal", "tangent", "view", "across", "down", "albedo", "uv", "distance",
-    "visible",
+    "weight", "shape", "position", "normal", "face_normal", "tangent", "view", "anchor", "anchor_normal", "across", "down",
+    "albedo", "uv", "distance", "visible",
 )  # fmt: skip
 
 
@@ -40,6 +40,8 @@ class Pieces:
         Index of its shape; -1 is what lies beyond the world.
     position, normal, face_normal, tangent, view : (N, 3) float32
         Means over the piece in the world [m]; unit vectors on the viewer's side; `view` points to the camera.
+    anchor, anchor_normal : (N, 3) float32
+        A point of the piece that lies on the surface itself, and its geometric normal: where rays start.
     across, down : (N, 3) float32
         How the point moves on the surface from one pixel to the next [m].
     albedo : (N, 3) float32
@@ -62,6 +64,8 @@ class Pieces:
     face_normal: Floats
     tangent: Floats
     view: Floats
+    anchor: Floats
+    anchor_normal: Floats
     across: Floats
     down: Floats
     albedo: Floats
@@ -158,7 +162,8 @@ def _compress(looked: dict[str, NDArray], points: NDArray, edge: NDArray, camera
         towards = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
     across, down = np.zeros_like(position), np.zeros_like(position)
     kernel.extents(view, pixel, position, face_normal, across, down)
-    uv = looked["sums"][held][:, kernel.UV : kernel.UV + 2]
+    first = looked["sums"][held]
+    uv = first[:, kernel.UV : kernel.UV + 2]
     floats = {
         "weight": count / points[pixel],
         "position": position,
@@ -166,6 +171,8 @@ def _compress(looked: dict[str, NDArray], points: NDArray, edge: NDArray, camera
         "face_normal": face_normal,
         "tangent": unit(kernel.TANGENT),
         "view": towards,
+        "anchor": first[:, kernel.ANCHOR : kernel.ANCHOR + 3],
+        "anchor_normal": first[:, kernel.ANCHOR_NORMAL : kernel.ANCHOR_NORMAL + 3],
         "across": across,
         "down": down,
         "albedo": mean[:, kernel.ALBEDO : kernel.ALBEDO + 3],
