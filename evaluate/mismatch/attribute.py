@@ -332,7 +332,8 @@ def _with_better_mask(case: Case, weight: Floats, fitted: Fit, rounds: int = 3) 
         changed = predict(case, terms)[2]
         # A pixel is mostly one piece: that piece's step is the pixel's.
         by = step[first_piece(case)].reshape(*case.valid.shape, 1)
-        last.aux = refined_mask(case, shape, mask, context(case, weight, fitted), (changed - fitted.picture) / by)
+        derivative = ((changed - fitted.picture) / by).astype(np.float32)
+        last.aux = refined_mask(case, shape, mask, context(case, weight, fitted), derivative)
         better = fit(case, weight, terms, 4)
         if better.total > 0.999 * fitted.total:
             return better if better.total < fitted.total else fitted

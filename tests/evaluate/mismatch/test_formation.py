@@ -1,0 +1,76 @@
+"""The forward model of the diagnosis against the path tracer, which shares none of its sampling."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from evaluate.mismatch import formation
+from evaluate.mismatch.case import Case
+from transport.render import render
+
+from .worlds import glossy, recorded, simulation
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory) -> Case:
+    return recorded(tmp_path_factory.mktemp("glossy"), simulation(glossy()), {})
+
+
+def test_pieces_share_out_each_pixel(case):
+    p = case.pieces
+    total = np.bincount(p.pixel, p.weight, len(p.start) - 1)
+    np.testing.assert_allclose(total, 1, atol=1e-6)
+
+
+def test_direct_light_is_what_the_path_tracer_finds(case):
+    state = formation.believed(case)
+    ours = formation.radiance(case, state)
+    frame = 4
+    lit = case.recording.frames[frame].lights
+    assert lit is not None
+    from dataclasses import replace
+
+    from transport.world import compile_world
+
+    lamps = {n: case.simulation.lights[n] for n in lit}
+    traced = render(compile_world(replace(case.simulation, lights=lamps)), case.cameras[frame], 256, 3, 1)
+    edge = case.pieces.edge.reshape(case.valid.shape)[frame]
+    # Within a pixel without an edge the two differ by how textures and highlights bend across it: a few per mille of what
+    # is there; Monte Carlo noise comes on top. Five standard deviations for some 6000 values.
+    allowed = 5 * np.sqrt(traced.variance) + 0.004 * traced.radiance.max()
+    assert np.all(np.abs(ours[frame] - traced.radiance)[~edge] < allowed[~edge])
+
+
+def test_bounced_light_is_what_the_path_tracer_adds(case):
+    matte = recorded(case.recording.root, simulation(), {})
+    state = formation.believed(matte)
+    direct = formation.radiance(matte, state)
+    state.add_ambient(formation.bounced(matte, state, 3, 64).sum(axis=1))
+    added = formation.radiance(matte, state) - direct
+    frame = 0
+    lit = matte.recording.frames[frame].lights
+    assert lit is not None
+    from dataclasses import replace
+
+    from transport.world import compile_world
+
+    world = compile_world(replace(matte.simulation, lights={n: matte.simulation.lights[n] for n in lit}))
+    far, near = render(world, matte.cameras[frame], 1024, 4, 4), render(world, matte.cameras[frame], 1024, 5, 1)
+    there = far.radiance - near.radiance
+
+    # Means over 8 x 8 pixels, whose noise is known from the two renderings; ours has about as much again.
+    def tiles(image):
+        return image.reshape(6, 8, 8, 8, 3).mean(axis=(1, 3))
+
+    sigma = np.sqrt(tiles(far.variance + near.variance) / 64)
+    wrong = np.abs(tiles(added[frame]) - tiles(there))
+    assert np.all(wrong < 5 * np.sqrt(2) * sigma + 0.05 * tiles(there).max())
+
+
+def test_open_sky_above_the_plate_far_from_the_ball_is_all_there_is(case):
+    share, p = formation.open_sky(case), case.pieces
+    corner = (p.shape == 0) & (np.abs(p.position[:, :2]).min(axis=1) > 0.2)
+    # The ball of radius 0.08 m at 0.3 m hides less than 2 % of the sky.
+    assert share[corner].min() > 0.9
+    assert share[corner].mean() > 0.97
