@@ -111,10 +111,13 @@ def fit(
     chi2 = _chi2(case, weight, picture)
     gradient, curvature = np.zeros((case.num_frames, 2, 0)), np.zeros((case.num_frames, 2, 0, 0))
     damping, done, gain = 1e-3, 0, 0.0
+    jacobian: NDArray[np.float32] | None = None
     for done in range(iterations):
         if not columns:
             break
-        jacobian = _jacobian(case, terms, columns, state, light, picture)
+        # How the picture goes with the free parameters hardly changes on the way: far from the end their derivatives stay.
+        known = jacobian if gain > 0.01 * chi2.sum() else None
+        jacobian = _jacobian(case, terms, columns, state, light, picture, known)
         gradient, curvature = _normal_equations(case, weight, jacobian, picture)
         H, g = unknowns.assemble(gradient.sum(axis=1), curvature.sum(axis=1))
         improved = False
@@ -260,10 +263,15 @@ class _Unknowns:
 
 
 def _jacobian(
-    case: Case, terms: list[Term], columns: list[tuple[Term, Parameter]], state: State, light: Floats, picture: Floats
-) -> NDArray[np.float32]:
+    case: Case, terms: list[Term], columns: list[tuple[Term, Parameter]], state: State, light: Floats, picture: Floats,
+    known: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:  # fmt: skip
+    """Return the derivatives of the picture by the columns (K, F, H, W, 3); those of free parameters may be `known`."""
     out = np.empty((len(columns), *picture.shape), np.float32)
     for k, (t, p) in enumerate(columns):
+        if known is not None and t.effect.id == "free":
+            out[k] = known[k]
+            continue
         kept = t.values[p.name]
         # Towards the inside where a bound is near.
         sign = np.where(np.asarray(kept) + p.step > p.high, -1.0, 1.0)
