@@ -21,6 +21,8 @@ from .surface_map import refined_mask
 from .warp import first_piece
 
 logger = logging.getLogger("meniscus")
+# Of the excess: what edges and the weights' own noise take off chi-square where nothing is left.
+_SLACK = 0.05
 
 
 @dataclass(frozen=True)
@@ -202,6 +204,12 @@ def _extend(
 ) -> list[Model]:
     """Return the models with one effect more that are better by enough."""
     case, weight = model.case, model.weight
+    n_all = float((weight > 0).sum())
+    # What has been found is an approximation: a share of its amplitude may be left over without being an effect.
+    rough = max((t.effect.approximation for t in model.effects), default=0.0)
+    least = max(settings.least_gain, rough**2 * (start.total - model.total) / n_all)
+    if model.effects and model.excess + _SLACK < least:
+        return []
     frames = spread_frames(case, settings.screen_frames)
     small = subset(case, frames) if len(frames) < case.num_frames else case
     have = {t.key for t in model.effects}
@@ -218,8 +226,8 @@ def _extend(
         # What all targets together cannot explain, one of them cannot.
         if effect.id in joint and joint[effect.id] < settings.follow * best:
             continue
-        least = max(settings.follow * best, 0.3 * settings.least_gain) * n
-        fitted = _try(small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - least)
+        promise = max(settings.follow * best, 0.3 * settings.least_gain) * n
+        fitted = _try(small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - promise)
         if fitted is None or fitted.iterations == 0:
             gain = 0.0
         else:
@@ -235,7 +243,6 @@ def _extend(
     tried.sort(key=lambda t: -t[0])
     out = []
     full = context(case, weight, model.fit)
-    n_all = float((weight > 0).sum())
     for gain, effect, target, small_fit in tried[: settings.finalists]:
         if gain < settings.follow * tried[0][0]:
             break
@@ -245,9 +252,6 @@ def _extend(
         candidate = assess(case, weight, fitted)
         gain, sigmas = gain_of(case, weight, model, candidate)
         trials.append(Trial(effect.id, target, tuple(_names(model)), gain, sigmas, True, candidate))
-        # What has been found is an approximation: a share of its amplitude may be left over without being an effect.
-        rough = max((t.effect.approximation for t in model.effects), default=0.0)
-        least = max(settings.least_gain, rough**2 * (start.total - model.total) / n_all)
         if gain > least and sigmas > settings.sigmas:
             out.append(candidate)
     return out

@@ -295,7 +295,8 @@ def _chi2(case: Case, weight: Floats, picture: Floats) -> NDArray[np.float64]:
     square = weight * (case.pictures - picture) ** 2
     first = halves(case)
     each = square.sum(axis=3, dtype=np.float64)
-    return np.stack([each[:, first].sum(axis=1), each[:, ~first].sum(axis=1)], axis=1)
+    one = (each * first).sum(axis=(1, 2))
+    return np.stack([one, each.sum(axis=(1, 2)) - one], axis=1)
 
 
 def _normal_equations(
@@ -306,10 +307,12 @@ def _normal_equations(
     root = np.sqrt(weight)
     z = root * (case.pictures - picture)
     gradient, curvature = np.zeros((case.num_frames, 2, K)), np.zeros((case.num_frames, 2, K, K))
+    flat = np.repeat(first.ravel(), 3).astype(np.float32)
     for f in range(case.num_frames):
-        J = jacobian[:, f] * root[f]
-        for h, half in enumerate((first, ~first)):
-            A = J[:, half].reshape(K, -1)
-            curvature[f, h] = A @ A.T
-            gradient[f, h] = A @ z[f][half].ravel()
+        A = (jacobian[:, f] * root[f]).reshape(K, -1)
+        r = z[f].ravel()
+        # The other half is what remains of the whole: products are cheaper than picking pixels out.
+        half = A * flat
+        curvature[f, 0], gradient[f, 0] = half @ A.T, half @ r
+        curvature[f, 1], gradient[f, 1] = A @ A.T - curvature[f, 0], A @ r - gradient[f, 0]
     return gradient, curvature

@@ -21,7 +21,7 @@ def vignetted(tmp_path_factory):
 def with_effect(case, id, target=None):
     fitted, weight = calibrate(case)
     term = Term(KNOWN[id], target, None, KNOWN[id].parameters(case, target))
-    return fit(case, weight, [*fitted.terms, term], 10), weight
+    return fit(case, weight, [*fitted.terms, term], 20, 1e-9), weight
 
 
 def test_a_fit_finds_the_parameter_that_made_the_pictures(vignetted):
@@ -39,7 +39,7 @@ def test_held_out_chi_square_is_that_of_fits_without_the_block(vignetted):
     quick = held_out(vignetted, fitted)
     block = vignetted.block == vignetted.block[3]
     less = np.where(block[:, None, None, None], 0, weight).astype(np.float32)
-    other = fit(vignetted, less, fitted.terms, 10)
+    other = fit(vignetted, less, fitted.terms, 20, 1e-9)
     slow = float((weight[block] * (vignetted.pictures - other.picture)[block] ** 2).sum())
     # Both are the chi-square of about 9000 values; the quadratic form errs by less than one of them.
     assert abs(quick[block].sum() - slow) < 1.0
