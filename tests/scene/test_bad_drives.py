@@ -31,10 +31,11 @@ def drive(tmp_path: Path) -> Path:
     for i in range(2):
         cv2.imwrite(str(folder / f"{i}.png"), rng.integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8))
         cv2.imwrite(str(folder / f"mask{i}.png"), rng.integers(0, 2, (HEIGHT, WIDTH), dtype=np.uint8))
-        write_points(folder / f"{i}.npz", rng.uniform((-9, -9, 0), (9, 9, 0.02), (5000, 3)))
+        write_points(folder / f"{i}.npz", rng.uniform((-9, -9, -1.7), (9, 9, -1.68), (5000, 3)))
         write_boxes(folder / f"boxes{i}.json", (Box("1", "Car", np.eye(4), np.ones(3)),))
         camera = {"model": "PINHOLE", "width": WIDTH, "height": HEIGHT, "fx": 40.0, "fy": 40.0, "T_world_camera": POSE}
-        sweep = {"file": f"{i}.npz", "T_world_points": np.eye(4).tolist()}
+        T = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1.7], [0, 0, 0, 1]]
+        sweep = {"file": f"{i}.npz", "T_world_points": T}
         boxes = {"file": f"boxes{i}.json", "T_world_boxes": np.eye(4).tolist()}
         frames.append({"image": f"{i}.png", "camera": camera, "points": sweep, "masks": {"file": f"mask{i}.png"}, "boxes": boxes})
     write_points(folder / "static.ply", rng.uniform((-9, -9, 0), (9, 9, 0.02), (5000, 3)))
@@ -119,6 +120,6 @@ def test_a_write_that_fails_for_want_of_space_is_one_line_and_leaves_no_half_sta
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=place)
     assert result.returncode == 2, result.stderr
     assert result.stderr.startswith("meniscus: ") and result.stderr.count("\n") == 1
-    assert f"{tmp_path / 'scene' / '.stages' / 'cloud'}: it must stay below the file size limit" in result.stderr
+    assert f"{tmp_path / 'scene' / '.stages' / 'cloud' / 'cloud.npz'}: it must stay below the file size limit" in result.stderr
     left = [path.name for path in (tmp_path / "scene").rglob("*") if path.is_file()]
     assert "scene.json" not in left and "cloud.npz" not in left
