@@ -23,6 +23,8 @@ from .warp import first_piece
 logger = logging.getLogger("meniscus")
 # Of the excess: what edges and the weights' own noise take off chi-square where nothing is left.
 _SLACK = 0.05
+# Error of a prediction that the pixels of a block have in common, in standard deviations of noise.
+_SHARED = 0.06
 
 
 @dataclass(frozen=True)
@@ -117,16 +119,22 @@ def assess(case: Case, weight: Floats, fitted: Fit) -> Model:
 
 
 def gain_of(case: Case, weight: Floats, before: Model, after: Model) -> tuple[float, float]:
-    """Return (gain per value, how many standard errors) of one model over another, over blocks of repeats."""
+    """Return (gain per value, how many standard errors) of one model over another, over blocks of repeats.
+
+    Where an effect shows in few blocks, its gain differs between them without being uncertain. What it may be wrong by is
+    put together of what noise does to a gain, 4 sum of squared changes; of an error of a share of the noise that all
+    pixels of a block have in common; and of the losses of blocks that got worse, which speak against it.
+    """
     n = float((weight > 0).sum())
-    blocks = np.unique(case.block)
-    each = np.array([(before.score - after.score)[case.block == b].sum() for b in blocks])
-    gain = each.sum() / n
-    if len(blocks) < 3:
-        return gain, np.inf if gain > 0 else 0.0
-    # Blocks on which nothing is to be seen gain nothing: the scatter is that about the mean.
-    error = np.sqrt(len(blocks)) * each.std(ddof=1) / n
-    return gain, float(gain / max(error, 1e-12))
+    change = (after.fit.picture - before.fit.picture) * np.sqrt(weight)
+    square, size = (change**2).sum(axis=(1, 2, 3), dtype=np.float64), np.abs(change).sum(axis=(1, 2, 3), dtype=np.float64)
+    gain = before.score - after.score
+    variance = 0.0
+    for b in np.unique(case.block):
+        own = case.block == b
+        shared, loss = 2 * _SHARED * size[own].sum(), min(gain[own].sum(), 0.0)
+        variance += 4 * after.white**2 * square[own].sum() + shared**2 + loss**2
+    return float(gain.sum() / n), float(gain.sum() / np.sqrt(max(variance, 1e-12)))
 
 
 def search(
@@ -160,8 +168,6 @@ def search(
         best = unique[0]
         say("  " + " + ".join(_names(best)) + f": held-out chi-square {best.total / (weight > 0).sum():.4f}")
         front = [m for m in unique[: settings.branches] if m.excess < 3 * max(best.excess, 0) + 0.01]
-        if is_noise(best):
-            break
     return start, _choose(case, weight, finished, settings), trials
 
 

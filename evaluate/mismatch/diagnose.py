@@ -102,10 +102,8 @@ def diagnose(
     z = (case.pictures - fitted.picture) * np.sqrt(weight)
     found = located(case, z, max(first.white, 1.0))
     say(f"calibrated: chi-square {first.total / (weight > 0).sum():.4f} a value, {found.mean():.1%} of the pixels located")
-    if is_noise(first):
-        base, best, trials = first, first, []
-    else:
-        base, best, trials = search(case, weight, fitted, effects, settings, say)
+    # Even where nothing is located: fine and weak effects (blur) show in no average.
+    base, best, trials = search(case, weight, fitted, effects, settings, say)
     best = polished(best)
     best, losses = pruned(case, base, best, settings)
     findings = [_finding(case, best, t, *losses[t.key]) for t in best.effects]
