@@ -29,12 +29,12 @@ class MissingOccluder(Effect):
         low, high = self._box(case)
         size = float(np.linalg.norm(high - low))
         centre = [
-            Parameter(f"centre.{a}", 0.5 * (lo + hi), lo - size, hi + size, 0.003 * size, "m")
+            Parameter(f"centre.{a}", 0.5 * (lo + hi), lo - size, hi + size, 0.0006 * size, "m")
             for a, lo, hi in zip("xyz", low, high, strict=True)
         ]
         # Where it stands in the view it is taken for a matte ball.
         albedo = [Parameter(f"albedo.{c}", 0.2, 0.0, 1.0, 0.02, spread=0.3) for c in "rgb"]
-        return (*centre, Parameter("radius", 0.08 * size, 0.005 * size, 0.5 * size, 0.003 * size, "m"), *albedo)
+        return (*centre, Parameter("radius", 0.08 * size, 0.005 * size, 0.5 * size, 0.0006 * size, "m"), *albedo)
 
     def _box(self, case: Case) -> tuple[np.ndarray, np.ndarray]:
         p = case.pieces.position[case.pieces.shape >= 0]

@@ -125,7 +125,7 @@ def fit(
             step = np.linalg.lstsq(H + 1e-9 * np.eye(len(H)) * np.trace(H), g, rcond=None)[0]
             if chi2.sum() - 3 * max(2 * g @ step - step @ H @ step, 0) > hopeless:
                 return Fit(terms, picture, state, chi2, gradient, curvature, columns, 0)
-        for _ in range(5):
+        for _ in range(7):
             step = np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-12 * np.eye(len(H)) * np.trace(H), g)
             if 2 * g @ step - step @ H @ step < max(tolerance * chi2.sum(), 0.5 * len(H)):
                 break
@@ -140,7 +140,7 @@ def fit(
                 break
             for t, before in zip(terms, old, strict=True):
                 t.values = before.values
-            damping *= 10
+            damping = max(10 * damping, 1e-3)
             if not moved:
                 break
         if not improved or gain < max(tolerance * chi2.sum(), len(H)):
