@@ -140,7 +140,7 @@ def _body(box: Box, sweep_world: Floats) -> NDArray[np.float64] | None:
     if above.sum() < _FEWEST or height[above].max() < box.size[2] - _LACKING:
         return None
     foot = local[above & (height < 0.6)] * (1, 1, 0) - (0, 0, 0.5 * box.size[2])
-    return np.concatenate([points[above], transform_points(box.T_boxes_object, foot)])
+    return (np.concatenate([points[above], transform_points(box.T_boxes_object, foot)])).astype(np.float64)
 
 
 def _outline(camera: Camera, box: Box) -> NDArray[np.float32] | None:
