@@ -12,19 +12,7 @@ from materials.foundation.errors import InputError
 from materials.foundation.settings import add_flags, from_mapping, read_toml
 
 from .reconstruction.build_settings import BuildSettings
-
-FORMATS = (
-    "auto",
-    "recording",
-    "kitti-raw",
-    "kitti-odometry",
-    "kitti-object",
-    "argoverse",
-    "colmap",
-    "nerfstudio",
-    "images",
-    "cloud",
-)
+from .sources.formats import FORMATS
 
 
 def main(argv: list[str] | None = None) -> int:

@@ -18,6 +18,7 @@ from ..points import FARTHEST, SUFFIXES, read_points_far, write_points
 from ..recording import Recording, read_recording
 from .argoverse import is_argoverse, open_argoverse
 from .colmap import is_colmap, open_colmap
+from .formats import FORMATS
 from .kitti_object import is_kitti_object, open_kitti_object
 from .kitti_odometry import is_kitti_odometry, open_kitti_odometry
 from .kitti_raw import is_kitti_raw, open_kitti_raw
@@ -25,18 +26,6 @@ from .nerfstudio import is_nerfstudio, open_nerfstudio
 from .recording_copy import check_recording
 from .structure_from_motion import is_image_folder, open_images
 
-FORMATS = (
-    "auto",
-    "recording",
-    "kitti-raw",
-    "kitti-odometry",
-    "kitti-object",
-    "argoverse",
-    "colmap",
-    "nerfstudio",
-    "images",
-    "cloud",
-)
 _LOOKED_FOR = (
     "recording.json; calib_cam_to_cam.txt with image_02/data (KITTI raw); sequences/NN or calib.txt with image_0 or image_2 (KITTI "
     "odometry); image_2 with calib and velodyne (KITTI object); city_SE3_egovehicle.feather with sensors/lidar (Argoverse 2); "
