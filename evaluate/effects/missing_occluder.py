@@ -63,7 +63,7 @@ class MissingOccluder(Effect):
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
         for radius in (0.04 * size, 0.07 * size, 0.12 * size):
             votes = np.zeros(len(grid))
-            shadows.shadow_votes(p.position[rows], gain, gain, lamp[rows], context.state.lamps, grid, radius, votes)
+            shadows.shadow_votes(p.position[rows], gain, lamp[rows], context.state.lamps, grid, radius, votes)
             for i in np.argsort(votes)[::-1][:2]:
                 if votes[i] > 50:
                     found.append((votes[i], {f"centre.{a}": grid[i, k] for k, a in enumerate("xyz")} | {"radius": radius}))

@@ -11,9 +11,8 @@ from scipy.ndimage import distance_transform_edt
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
-from ..mismatch.warp import first_piece, typical_distance
+from ..mismatch.warp import TWIST, first_piece, typical_distance
 
-_AXES = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 _REACH = 6.0  # [px]: as far beyond its outline the body's motion is carried on
 
 
@@ -38,8 +37,8 @@ class MovedObject(Effect):
         mesh = case.world.shapes[shape_index(case, target)].mesh
         size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
         pixel = typical_distance(case) / max(case.cameras[0].fx, 1.0)
-        turn = [Parameter(n, 0.0, -1.0, 1.0, 0.3 * pixel / size, "rad") for n in _AXES[:3]]
-        shift = [Parameter(n, 0.0, -size, size, 0.1 * pixel, "m") for n in _AXES[3:]]
+        turn = [Parameter(n, 0.0, -1.0, 1.0, 0.3 * pixel / size, "rad") for n in TWIST[:3]]
+        shift = [Parameter(n, 0.0, -size, size, 0.1 * pixel, "m") for n in TWIST[3:]]
         return (*turn, *shift)
 
     def prepare(self, case: Case, target: str | None, context: Context) -> Any:
@@ -68,7 +67,7 @@ class MovedObject(Effect):
         return {"flow": flow} if np.any(flow) else False
 
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
-        twist = np.array([values[n] for n in _AXES])
+        twist = np.array([values[n] for n in TWIST])
         assert target is not None
         rest = (twist - case.settled.moves.get(target, 0.0)).astype(np.float32)
         if not np.any(np.abs(rest) > 1e-9):
@@ -86,5 +85,5 @@ class MovedObject(Effect):
         state.lens.insert(0, moved)
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
-        shift = float(np.linalg.norm([values[n] for n in _AXES[3:]]))
+        shift = float(np.linalg.norm([values[n] for n in TWIST[3:]]))
         return {"shift": {"value": shift, "unit": "m"}}

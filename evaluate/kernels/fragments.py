@@ -8,6 +8,7 @@ from numba import njit, prange
 from materials.kernels.frames import dot, normalize
 from materials.kernels.kinds import EMISSION
 from transport.kernels.arrays import ALBEDO_TEXTURE
+from transport.kernels.optics import camera_ray
 from transport.kernels.rays import intersect, occluded, ray_buffer
 from transport.kernels.shading import cross, hit_at, leave, tangent
 from transport.kernels.textures import lookup
@@ -57,15 +58,7 @@ def gather(world, camera, pixels, n, lamps, lit_by, shape, count, sums, visible)
         for j in range(n):
             for i in range(n):
                 x, y = col + (i + 0.5) / n, row + (j + 0.5) / n
-                o = (camera.origin[0], camera.origin[1], camera.origin[2])
-                d = (
-                    camera.corner[0] + x * camera.step_x[0] + y * camera.step_y[0],
-                    camera.corner[1] + x * camera.step_x[1] + y * camera.step_y[1],
-                    camera.corner[2] + x * camera.step_x[2] + y * camera.step_y[2],
-                )
-                if camera.orthographic:
-                    o, d = d, (camera.forward[0], camera.forward[1], camera.forward[2])
-                d = normalize(d)
+                o, d = camera_ray(camera, x, y)
                 face, t, b1, b2 = intersect(
                     world.static_scene, world.dynamic_scene, world.num_static_faces,
                     buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], np.inf,
@@ -155,15 +148,7 @@ def extents(camera, pixel, position, face_normal, across, down):
                     x += side - 0.5
                 else:
                     y += side - 0.5
-                o = (camera.origin[0], camera.origin[1], camera.origin[2])
-                d = (
-                    camera.corner[0] + x * camera.step_x[0] + y * camera.step_y[0],
-                    camera.corner[1] + x * camera.step_x[1] + y * camera.step_y[1],
-                    camera.corner[2] + x * camera.step_x[2] + y * camera.step_y[2],
-                )
-                if camera.orthographic:
-                    o, d = d, (camera.forward[0], camera.forward[1], camera.forward[2])
-                d = normalize(d)
+                o, d = camera_ray(camera, x, y)
                 # Seen nearly edge on, a piece is as long as it is seen at 5 degrees.
                 slope = min(dot(d, ng), -0.087)
                 t = ((p[0] - o[0]) * ng[0] + (p[1] - o[1]) * ng[1] + (p[2] - o[2]) * ng[2]) / slope

@@ -84,10 +84,10 @@ def sphere_in_view(eye, pixel_angle, view, distance, frame, slots, lamps, centre
 
 
 @njit(cache=True, parallel=True)
-def shadow_votes(position, weight_dark, weight_lit, lamp_of, lamps, centres, radius, out):
+def shadow_votes(position, gain, lamp_of, lamps, centres, radius, out):
     """Return into `out` how well a sphere about each centre explains dark and lit pieces.
 
-    `weight_dark` is the gain in chi-square if the piece is shadowed, negative where it is lit after all.
+    `gain` (N,) is the gain in chi-square if the piece is shadowed, negative where it is lit after all.
     """
     for c in prange(centres.shape[0]):
         centre = (centres[c, 0], centres[c, 1], centres[c, 2])
@@ -96,7 +96,7 @@ def shadow_votes(position, weight_dark, weight_lit, lamp_of, lamps, centres, rad
             p = (float(position[k, 0]), float(position[k, 1]), float(position[k, 2]))
             w, far = towards(lamps, lamp_of[k], p)
             if _past(centre, p, w, min(far, 1e9))[0] < radius:
-                total += weight_dark[k]
+                total += gain[k]
         out[c] = total
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,7 +82,6 @@ class Model:
     white: float
     structure: float
     worst: float
-    trials: list[Trial] = field(default_factory=list)
 
     @property
     def effects(self) -> list[Term]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, label, uniform_filter
+from scipy.ndimage import uniform_filter
 from scipy.stats import norm
 
 from .case import Case, Floats
@@ -155,8 +155,3 @@ def _mirror_cosine(case: Case, k: NDArray[np.int64]) -> NDArray[np.float64]:
     cosine = (h * p.normal[k]).sum(axis=1)
     cosine[(lamp < 0) | (p.shape[k] < 0)] = np.nan
     return cosine.reshape(case.valid.shape)
-
-
-def blobs(mask: NDArray[np.bool_]) -> int:
-    """Return the number of connected parts of a mask over all frames."""
-    return sum(label(gaussian_filter(m.astype(float), 1.0) > 0.5)[1] for m in mask)

@@ -9,8 +9,7 @@ import numpy as np
 from .case import Case, Floats, Settled
 from .effect import Term
 from .solve import Fit, by_frame, context, fit, predict
-
-_TWIST = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
+from .warp import TWIST
 
 
 def needs_settling(terms: list[Term]) -> bool:
@@ -25,9 +24,9 @@ def settled_case(case: Case, terms: list[Term]) -> Case:
     for t in terms:
         if t.effect.id == "pose_error":
             values = by_frame(case, t)
-            twist = np.stack([values[n] for n in _TWIST], axis=1)
+            twist = np.stack([values[n] for n in TWIST], axis=1)
         elif t.effect.id == "moved_object" and t.target is not None:
-            moves[t.target] = np.array([float(t.values[n]) for n in _TWIST])
+            moves[t.target] = np.array([float(t.values[n]) for n in TWIST])
     return replace(case, settled=Settled(lamps, twist, moves), cache={})
 
 
