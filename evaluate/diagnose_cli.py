@@ -30,7 +30,20 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--most", type=int, default=3, metavar="N", help="at most so many effects at once (default: 3)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
     parser.add_argument("--traceback", action="store_true", help="show the Python traceback of a failure")
+    _add_pictures(parser)
     return parser
+
+
+def _add_pictures(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("pictures that were simulated elsewhere, in place of RECORDING")
+    group.add_argument("--simulated", metavar="A", help="folder of simulated pictures")
+    group.add_argument("--recorded", metavar="B", help="folder of recorded pictures, of the same names and size")
+    group.add_argument(
+        "--depth", metavar="D", help="folder of its depth, along the camera's axis [m] (.exr, .npy, .png): tests fog"
+    )
+    group.add_argument("--masks", metavar="M", help="folder of its bodies' ids, 0 for all else: tests whether one has moved")
+    group.add_argument("--noise", metavar="READ,SHOT", help="of the recording: variance READ**2 + SHOT * signal (else estimated)")
+    group.add_argument("--focal-px", type=float, metavar="PX", help="focal length (default: the picture's width)")
 
 
 def _run(args: argparse.Namespace) -> None:
@@ -42,16 +55,15 @@ def _run(args: argparse.Namespace) -> None:
         for e in effects:
             print(f"{e.stage:10} {e.id:22} {e.title}: {e.says}")
         return
-    for name, value in (("RECORDING", args.recording), ("--output", args.output)):
-        if value is None:
-            raise InputError("be given", key=name)
+    if args.output is None:
+        raise InputError("be given", key="--output")
     if not 1 <= args.most <= 8:
         raise InputError("lie in [1, 8]", got=args.most, key="--most")
     output = Path(args.output)
     if output.exists() and not output.is_dir():
         raise InputError("be a folder", got="a file", file=output, remedy="Choose another place.")
+    from .diagnose_inputs import load_source
     from .mismatch.attribute import SearchSettings
-    from .mismatch.case import load
     from .mismatch.diagnose import diagnose
     from .mismatch.outputs import write_diagnosis
     from .mismatch.report import sentence
@@ -60,7 +72,11 @@ def _run(args: argparse.Namespace) -> None:
         if not args.quiet:
             print(text, file=sys.stderr, flush=True)
 
-    d = diagnose(load(args.recording), effects, args.seed, SearchSettings(most=args.most), say)
+    case, effects = load_source(args, effects)
+    for why in dict.fromkeys(case.untestable.values()):
+        ids = [id for id, reason in case.untestable.items() if reason == why]
+        say(f"cannot be tested ({why}): {', '.join(ids)}")
+    d = diagnose(case, effects, args.seed, SearchSettings(most=args.most), say)
     write_diagnosis(output, d)
     if not args.quiet:
         print(f"{d.verdict}: {sentence(d)}")

@@ -8,14 +8,14 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ..mismatch.case import Case
+from ..mismatch.case import Case, Floats
 from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State
 from ..mismatch.sensor_plane import disc
 from ..mismatch.warp import first_piece
 
 # Blurs at these radii [px] are mixed to any in between.
-_LEVELS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.6, 3.8, 5.5, 8.0)
+LEVELS = (0.0, 0.5, 0.8, 1.2, 1.8, 2.6, 3.8, 5.5, 8.0)
 
 
 class Defocus(Effect):
@@ -62,28 +62,30 @@ class Defocus(Effect):
             for d, a in ((0.6 * near, 3.0), (near, 4.0), (far, 4.0), (2 * far, 3.0))
         ]
 
+    def circle(self, case: Case, values: Values) -> np.ndarray:
+        """Return the radius of the circle of confusion (F, H, W) [px]."""
+        return case.cameras[0].fx * values["aperture_radius"] * np.abs(1 / self._depth(case) - values["inverse_focus"])
+
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
-        focal = case.cameras[0].fx
-        radius = focal * values["aperture_radius"] * np.abs(1 / self._depth(case) - values["inverse_focus"])
-        radius = np.minimum(radius, _LEVELS[-1] * 0.999).astype(np.float32)
-
-        def blur(pictures):
-            out = np.zeros_like(pictures)
-            for low, high in itertools.pairwise(_LEVELS):
-                used = np.any((radius > low) & (radius < high))
-                if not used and low > 0:
-                    continue
-                for level, share in ((low, (high - radius) / (high - low)), (high, (radius - low) / (high - low))):
-                    mixed = np.where((radius >= low) & (radius < high), share, 0)[..., None].astype(np.float32)
-                    for f in np.flatnonzero(np.any(mixed > 0, axis=(1, 2, 3))):
-                        blurred = pictures[f] if level == 0 else _disc(pictures[f], level)
-                        out[f] += mixed[f] * blurred
-            return out
-
-        state.lens.append(blur)
+        radius = np.minimum(self.circle(case, values), LEVELS[-1] * 0.999).astype(np.float32)
+        state.lens.append(lambda pictures: blurred(pictures, radius))
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         return {"focus_distance": {"value": 1 / max(float(values["inverse_focus"]), 1e-9), "unit": "m"}}
+
+
+def blurred(pictures: Floats, radius: Floats) -> Floats:
+    """Return pictures (F, H, W, 3) blurred by discs of a radius (F, H, W) [px] below the last of `LEVELS`."""
+    out = np.zeros_like(pictures)
+    for low, high in itertools.pairwise(LEVELS):
+        used = np.any((radius > low) & (radius < high))
+        if not used and low > 0:
+            continue
+        for level, share in ((low, (high - radius) / (high - low)), (high, (radius - low) / (high - low))):
+            mixed = np.where((radius >= low) & (radius < high), share, 0)[..., None].astype(np.float32)
+            for f in np.flatnonzero(np.any(mixed > 0, axis=(1, 2, 3))):
+                out[f] += mixed[f] * (pictures[f] if level == 0 else _disc(pictures[f], level))
+    return out
 
 
 def _disc(picture, level: float):

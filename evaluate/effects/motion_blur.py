@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..mismatch.case import Case
+from ..mismatch.case import Case, Floats
 from ..mismatch.effect import Context, Values
 from ..mismatch.formation import State
 from ..mismatch.warp import TWIST, moved, twist_flow, typical_distance
@@ -33,17 +33,22 @@ class MotionBlur(PoseError):
         To second order a box of motion v adds 1/24 (v . grad)² I; with v a combination of six flows it is linear in the
         products of their shares, whose matrix has the motion for its leading eigenvector.
         """
-        basis = twist_flow(case)
-        scale = np.array([1, 1, 1, *[typical_distance(case)] * 3], np.float32)
-        focal = case.cameras[0].fx
-        out = np.zeros((case.num_frames, 6))
-        pairs = [(i, j) for i in range(6) for j in range(i, 6)]
+        # A unit of each share moves the picture by about a pixel.
+        scale = np.array([1, 1, 1, *[typical_distance(case)] * 3]) / case.cameras[0].fx
+        guess = self.first_guess(case, context, twist_flow(case) * scale[:, None, None, None, None].astype(np.float32))
+        return guess if guess is False else guess * scale
+
+    def first_guess(self, case: Case, context: Context, basis: Floats) -> Any:
+        """Return the shares (F, K) of the flows of a basis (K, F, H, W, 2) in each frame's motion; False if there is none."""
+        size = len(basis)
+        out = np.zeros((case.num_frames, size))
+        pairs = [(i, j) for i in range(size) for j in range(i, size)]
         for f in range(case.num_frames):
             L = context.picture[f]
             gy, gx = np.gradient(L, axis=(0, 1))
             gyy, _ = np.gradient(gy, axis=(0, 1))
             gxy, gxx = np.gradient(gx, axis=(0, 1))
-            B = basis[:, f] * scale[:, None, None, None] / focal
+            B = basis[:, f]
             root = np.sqrt(context.weight[f])
             columns = []
             for i, j in pairs:
@@ -54,12 +59,12 @@ class MotionBlur(PoseError):
             A = np.array(columns).T
             H = A.T @ A
             x = np.linalg.solve(H + 1e-2 * np.eye(len(H)) * np.trace(H) / len(H), A.T @ (root * context.residual[f]).ravel()[::3])
-            S = np.zeros((6, 6))
+            S = np.zeros((size, size))
             for (i, j), value in zip(pairs, x, strict=True):
                 S[i, j] = S[j, i] = value
             values, vectors = np.linalg.eigh(S)
             if values[-1] > 0:
-                out[f] = vectors[:, -1] * np.sqrt(values[-1]) * scale / focal
+                out[f] = vectors[:, -1] * np.sqrt(values[-1])
         return out if np.any(out) else False
 
     def starts(self, case: Case, target: str | None, aux: Any) -> list[dict[str, Any]]:

@@ -23,7 +23,11 @@ class ParticipatingMedium(Effect):
     approximation = 0.2
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
-        far = float(np.quantile(case.pieces.distance[case.pieces.shape >= 0], 0.9))
+        return self.by_distance(case, case.pieces.distance[case.pieces.shape >= 0])
+
+    def by_distance(self, case: Case, distance: np.ndarray) -> tuple[Parameter, ...]:
+        """Return what is to be fitted where surfaces are seen at these distances (N,)."""
+        far = float(np.quantile(distance, 0.9))
         level = float(np.quantile(case.pictures[case.valid], 0.9)) + 1e-3
         air = tuple(Parameter(f"airlight.{c}", 0.5 * level, 0.0, 50 * level, 0.01 * level, "W/(m² sr)") for c in "rgb")
         out = (Parameter("sigma_t", 0.2 / far, 0.0, 20 / far, 0.01 / far, "1/m"), *air)

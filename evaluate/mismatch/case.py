@@ -90,6 +90,11 @@ class Case:
     cache: dict = field(default_factory=dict, compare=False, repr=False)
 
     @property
+    def untestable(self) -> dict[str, str]:
+        """Why effects could not be tested, by id: on a recording with its simulation all can."""
+        return {}
+
+    @property
     def num_frames(self) -> int:
         return len(self.pictures)
 
@@ -101,6 +106,10 @@ class Case:
     @property
     def shape_names(self) -> tuple[str, ...]:
         return tuple(s.name for s in self.world.shapes)
+
+    def noise_of(self, picture: Floats) -> Floats:
+        """Return the variance (F, H, W, 3) that noise has on a recording of `picture`, both divided by the exposures."""
+        return pixel_variance(picture, self.noise, [f.exposure for f in self.recording.frames])
 
     @cached_property
     def world(self) -> World:
@@ -288,15 +297,22 @@ def pixel_variance(signal: Floats, noise: Noise, exposures: list[float]) -> Floa
 
 
 def estimated_noise(pictures: Floats, valid: NDArray[np.bool_]) -> Noise:
-    """Fit `read_sigma` and `shot_gain` to the finest differences between neighbouring pixels.
+    """Fit `read_sigma` and `shot_gain` to the finest differences between neighbouring pixels."""
+    return fitted_noise(noise_levels(pictures, pictures, valid))
+
+
+def noise_levels(pictures: Floats, detail: Floats, valid: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return rows of (brightness of `pictures`, variance of the noise in `detail`), from dark to bright.
 
     The second difference along rows of three pixels is blind to slopes; its median over pixels of like brightness is
     little moved by edges. J. Immerkær (1996) has the idea for one level of noise.
     """
-    d = (pictures[:, :, :-2] - 2 * pictures[:, :, 1:-1] + pictures[:, :, 2:]) / np.sqrt(6.0)
+    d = (detail[:, :, :-2] - 2 * detail[:, :, 1:-1] + detail[:, :, 2:]) / np.sqrt(6.0)
     ok = valid[:, :, :-2] & valid[:, :, 1:-1] & valid[:, :, 2:]
     level = uniform_filter(pictures, (0, 3, 3, 0))[:, :, 1:-1][ok].ravel()
     spread = np.abs(d[ok].ravel())
+    if not len(level):
+        return np.zeros((0, 2))
     edges = np.unique(np.quantile(level, np.linspace(0, 1, 17)))
     rows = []
     for low, high in itertools.pairwise(edges):
@@ -304,8 +320,15 @@ def estimated_noise(pictures: Floats, valid: NDArray[np.bool_]) -> Noise:
         if inside.sum() > 50:
             rows.append((float(np.median(level[inside])), float(1.4826 * np.median(spread[inside])) ** 2))
     if not rows:
-        return Noise(float(max(1.4826 * np.median(spread), 1e-6)) if spread.size else 1e-3, 0.0)
-    x, y = np.array(rows).T
+        rows = [(float(np.median(level)), float(1.4826 * np.median(spread)) ** 2)]
+    return np.array(rows)
+
+
+def fitted_noise(rows: NDArray[np.float64], otherwise: float = 1e-3) -> Noise:
+    """Fit noise to rows of (brightness, variance); `otherwise` is its `read_sigma` if there are none."""
+    if not len(rows):
+        return Noise(otherwise, 0.0)
+    x, y = rows.T
     w = 1 / np.maximum(y, 1e-12)
     A = np.stack([np.ones_like(x), np.maximum(x, 0)], 1)
     from scipy.optimize import nnls

@@ -13,7 +13,7 @@ from scipy.stats import norm
 
 from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, search
 from .calibrate import calibrate, free_term, weigh
-from .case import Case, Floats, pixel_variance
+from .case import Case, Floats
 from .effect import Effect, Term
 from .locate import Dependence, dependences, located
 from .prove import HeldOut, prove
@@ -219,6 +219,5 @@ def _affected(case: Case, best: Model) -> NDArray[np.bool_]:
     free = free_term(case)
     free.values = {k: np.copy(v) for k, v in best.terms[0].values.items()}
     without = predict(case, [free])[2]
-    variance = pixel_variance(without, case.noise, [f.exposure for f in case.recording.frames])
-    change = np.abs(best.fit.picture - without) / np.sqrt(variance)
+    change = np.abs(best.fit.picture - without) / np.sqrt(case.noise_of(without))
     return np.any(change > _SIGMAS, axis=-1)

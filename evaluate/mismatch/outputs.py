@@ -14,6 +14,7 @@ from scene.simulation import AddedEffect, Simulation
 from scene.simulation_file import write_simulation
 
 from .diagnose import Diagnosis
+from .pictures.case import PictureCase
 from .report import sentence, write_report
 from .solve import by_frame
 
@@ -28,7 +29,8 @@ def write_diagnosis(folder: str | Path, d: Diagnosis) -> None:
     with replacing(folder / "affected.npz") as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, located=d.located, affected=d.affected)
     with replacing_folder(folder / "corrected") as temporary:
-        write_simulation(temporary / "simulation.json", corrected(d))
+        if not isinstance(d.case, PictureCase):
+            write_simulation(temporary / "simulation.json", corrected(d))
         exposures = [f.exposure for f in d.case.recording.frames]
         for i, (frame, picture) in enumerate(zip(d.case.recording.frames, d.predicted, strict=True)):
             stem = f"{i:04d}" if len({f.name for f in d.case.recording.frames}) < d.case.num_frames else frame.name
@@ -69,11 +71,12 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "blocks": h.blocks,
         },
         "affected": "affected.npz",
-        "corrected": "corrected/simulation.json",
+        "corrected": "corrected/images" if isinstance(d.case, PictureCase) else "corrected/simulation.json",
         "residual_depends_on": [x.name for x in d.depends_on[:4]],
         "free_parameters": {k: float(v) for k, v in d.best.terms[0].values.items()},
         "noise": {"stated": not d.case.noise_estimated, "sigma_factor": d.noise_factor},
         "tested": d.tested,
+        "not_testable": d.case.untestable,
         "notes": d.notes,
         "seed": d.seed,
     }

@@ -66,6 +66,7 @@ def write_report(path: Path, d: Diagnosis) -> None:
         remains=_remains(d),
         depends=[{"name": x.name, "excess": _number(x.excess), "sigmas": f"{x.sigmas:.0f}"} for x in d.depends_on[:8]],
         tested=d.tested,
+        untestable=_reasons(d.case.untestable),
     )
     with replacing(path) as temporary:
         temporary.write_text(page, encoding="utf-8")
@@ -165,6 +166,11 @@ def _remains(d: Diagnosis) -> str:
         f"Structure of {_number(m.structure)} times the variance of the noise; its largest tile is {m.worst:.1f} times "
         "what noise and the difference of two right renderers allow."
     )
+
+
+def _reasons(untestable: dict[str, str]) -> list[tuple[str, list[str]]]:
+    """Return (reason, ids) of what could not be tested."""
+    return [(why, [k for k, v in untestable.items() if v == why]) for why in dict.fromkeys(untestable.values())]
 
 
 def _number(x: float) -> str:

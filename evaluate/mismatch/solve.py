@@ -126,7 +126,9 @@ def fit(
             if chi2.sum() - 3 * max(2 * g @ step - step @ H @ step, 0) > hopeless:
                 return Fit(terms, picture, state, chi2, gradient, curvature, columns, 0)
         for _ in range(7):
-            step = np.linalg.solve(H + damping * np.diag(np.diag(H)) + 1e-12 * np.eye(len(H)) * np.trace(H), g)
+            # A clip above all values changes nothing: then there is no curvature at all.
+            ridge = 1e-12 * np.eye(len(H)) * (np.trace(H) or 1.0)
+            step = np.linalg.solve(H + damping * np.diag(np.diag(H)) + ridge, g)
             if 2 * g @ step - step @ H @ step < max(tolerance * chi2.sum(), 0.5 * len(H)):
                 break
             old = [t.copy() for t in terms]

@@ -1,0 +1,1 @@
+"""A recording against pictures that were simulated elsewhere, of which no shapes, materials and lights are known."""
