@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from materials.foundation.command import run_command
 from materials.foundation.errors import InputError
+
+if TYPE_CHECKING:
+    from .mismatch.attribute import SearchSettings
+    from .mismatch.diagnose import Finding
+    from .mismatch.effect import Effect
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -21,11 +28,17 @@ def _parser() -> argparse.ArgumentParser:
         description="Compare a recording with the simulation that was believed of it: locate the mismatch, name the physics that "
         "was left out, fit it, and show on held-out frames that the fit improves.",
     )
-    parser.add_argument("recording", nargs="?", metavar="RECORDING", help="folder with recording.json and simulation.json")
+    what = (
+        "folder with recording.json and simulation.json; a measurement.json or its folder; a file of a measured BRDF (Cornell "
+        "*.brdf, MERL *.binary, *.pbsdf, RGL *.bsdf)"
+    )
+    parser.add_argument("recording", nargs="?", metavar="RECORDING", help=what)
     parser.add_argument("-o", "--output", metavar="OUT", help="folder for diagnosis.json, report.html and what goes with them")
     parser.add_argument("--seed", type=int, default=0, help="which views and lights are held out (default: 0)")
     parser.add_argument("--effects", action="append", default=[], metavar="FILE", help="Python file with effects of your own")
     parser.add_argument("--without", action="append", default=[], metavar="ID", help="leave an effect out of the catalogue")
+    words = "of a file that says no model: what was believed (default: lambert)"
+    parser.add_argument("--believed", choices=("lambert", "ggx"), default="lambert", help=words)
     parser.add_argument("--list-effects", action="store_true", help="print the catalogue and stop")
     parser.add_argument("--most", type=int, default=3, metavar="N", help="at most so many effects at once (default: 3)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -62,30 +75,45 @@ def _run(args: argparse.Namespace) -> None:
     output = Path(args.output)
     if output.exists() and not output.is_dir():
         raise InputError("be a folder", got="a file", file=output, remedy="Choose another place.")
-    from .diagnose_inputs import load_source
+    from .diagnose_measurement import diagnose_measurement, measurement_of
     from .mismatch.attribute import SearchSettings
-    from .mismatch.diagnose import diagnose
-    from .mismatch.outputs import write_diagnosis
-    from .mismatch.report import sentence
+
+    settings = SearchSettings(most=args.most)
 
     def say(text: str) -> None:
         if not args.quiet:
             print(text, file=sys.stderr, flush=True)
 
-    case, effects = load_source(args, effects)
-    for why in dict.fromkeys(case.untestable.values()):
-        ids = [id for id, reason in case.untestable.items() if reason == why]
-        say(f"cannot be tested ({why}): {', '.join(ids)}")
-    d = diagnose(case, effects, args.seed, SearchSettings(most=args.most), say)
-    write_diagnosis(output, d)
+    measurement = measurement_of(Path(args.recording), args.believed, output) if args.recording is not None else None
+    if measurement is not None:
+        verdict, words, findings = diagnose_measurement(measurement, output, effects, settings, say)
+    else:
+        verdict, words, findings = _diagnose_pictures(args, output, effects, settings, say)
     if not args.quiet:
-        print(f"{d.verdict}: {sentence(d)}")
-        for f in d.findings:
-            single = {k: p for k, p in f.parameters.items() if not isinstance(p["value"], list)}
+        print(f"{verdict}: {words}")
+        for f in findings:
+            single = {k: p for k, p in f.parameters.items() if isinstance(p["value"], int | float)}
             values = ", ".join(f"{k} {p['value']:.4g}" + ("" if p["unit"] == "1" else f" {p['unit']}") for k, p in single.items())
             also = f" (or {', '.join(f.ambiguous_with)})" if f.ambiguous_with else ""
             print(f"  {f.id}{f' on {f.where}' if f.where else ''}{also}: {values}")
         print(output / "report.html")
+
+
+def _diagnose_pictures(
+    args: argparse.Namespace, output: Path, effects: list[Effect], settings: SearchSettings, say: Callable[[str], None]
+) -> tuple[str, str, list[Finding]]:
+    from .diagnose_inputs import load_source
+    from .mismatch.diagnose import diagnose
+    from .mismatch.outputs import write_diagnosis
+    from .mismatch.report import sentence
+
+    case, effects = load_source(args, effects)
+    for why in dict.fromkeys(case.untestable.values()):
+        ids = [id for id, reason in case.untestable.items() if reason == why]
+        say(f"cannot be tested ({why}): {', '.join(ids)}")
+    d = diagnose(case, effects, args.seed, settings, say)
+    write_diagnosis(output, d)
+    return d.verdict, sentence(d), d.findings
 
 
 if __name__ == "__main__":

@@ -19,7 +19,8 @@ from .wetness import diffuse_attenuation
 Floats = NDArray[np.float64]
 MODELS = ("lagarde", "lekner_dorf", "twomey")
 _ALBEDOS = np.linspace(0.002, 1.0, 500)
-_ETA = (1.35, 1.9)
+ETA_SOLID = (1.35, 1.9)
+"""Refractive indices that a fit of the solid may take."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,7 @@ def fit_wetness(moisture: ArrayLike, reflectance: ArrayLike, model: str, dry: Ar
     known = None if dry is None else np.asarray(dry, np.float64)
     low, high = float(m.min()), float(m.max())
     span = high - low
-    bounds = (0.0, 1.0) if model == "lagarde" else _ETA
+    bounds = (0.0, 1.0) if model == "lagarde" else ETA_SOLID
     # Sums over the records are all that the search needs: the misfit is a quadratic in saturation and reflectance.
     total, square, num = r.sum(axis=0), (r**2).sum(axis=0), len(m)
 

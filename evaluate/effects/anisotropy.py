@@ -20,6 +20,7 @@ class Anisotropy(Effect):
     taken_for = ("mesoscopic_normals", "long_tail_lobe")
     decides = "turn the body about its normal under a fixed lamp"
     coordinates = "half vector"
+    on_patch = True
 
     def targets(self, case: Case) -> list[str | None]:
         return [n for n in shapes_seen(case) if case.material_of(shape_index(case, n)).model == "ggx"]

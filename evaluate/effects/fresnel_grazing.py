@@ -18,6 +18,7 @@ class FresnelGrazing(Effect):
     taken_for = ("specular_lobe", "long_tail_lobe")
     decides = "photograph the mirror direction at 10 and at 80 degrees"
     coordinates = "half vector"
+    on_patch = True
 
     def targets(self, case: Case) -> list[str | None]:
         return [n for n in shapes_seen(case) if case.material_of(shape_index(case, n)).model == "ggx"]

@@ -18,6 +18,7 @@ class LongTailLobe(Effect):
     taken_for = ("glare", "fresnel_grazing")
     decides = "cover the core of the highlight: glare goes with it, the skirt stays"
     coordinates = "half vector"
+    on_patch = True
 
     def targets(self, case: Case) -> list[str | None]:
         return [n for n in shapes_seen(case) if case.material_of(shape_index(case, n)).model == "ggx"]

@@ -18,6 +18,7 @@ class Retroreflection(Effect):
     taken_for = ("rough_diffuse", "specular_lobe")
     decides = "move the lamp around the camera: only within the lobe's width does it show"
     coordinates = "half vector"
+    on_patch = True
 
     def targets(self, case: Case) -> list[str | None]:
         return list(shapes_seen(case))

@@ -18,6 +18,7 @@ class RoughDiffuse(Effect):
     taken_for = ("retroreflection",)
     decides = "put the lamp beside the camera and turn the body: a retroreflector peaks, roughness fills in"
     coordinates = "half vector"
+    on_patch = True
 
     def targets(self, case: Case) -> list[str | None]:
         return list(shapes_seen(case))

@@ -18,6 +18,7 @@ class SpecularLobe(Effect):
     taken_for = ("surface_wetness", "fresnel_grazing", "long_tail_lobe")
     decides = "photograph in the mirror direction of a small lamp"
     coordinates = "half vector"
+    on_patch = True
 
     def targets(self, case: Case) -> list[str | None]:
         return [n for n in shapes_seen(case) if case.material_of(shape_index(case, n)).model == "lambert"]

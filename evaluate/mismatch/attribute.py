@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from materials.foundation.progress import tracked
 
+from .blocks import surely
 from .calibrate import weigh, white_level
 from .case import Case, Floats, subset
 from .effect import Context, Effect, Term, shape_index
@@ -23,8 +24,6 @@ from .warp import first_piece
 logger = logging.getLogger("meniscus")
 # Of the excess: what edges and the weights' own noise take off chi-square where nothing is left.
 _SLACK = 0.05
-# Error of a prediction that the pixels of a block have in common, in standard deviations of noise.
-_SHARED = 0.06
 
 
 @dataclass(frozen=True)
@@ -118,22 +117,12 @@ def assess(case: Case, weight: Floats, fitted: Fit) -> Model:
 
 
 def gain_of(case: Case, weight: Floats, before: Model, after: Model) -> tuple[float, float]:
-    """Return (gain per value, how many standard errors) of one model over another, over blocks of repeats.
-
-    Where an effect shows in few blocks, its gain differs between them without being uncertain. What it may be wrong by is
-    put together of what noise does to a gain, 4 sum of squared changes; of an error of a share of the noise that all
-    pixels of a block have in common; and of the losses of blocks that got worse, which speak against it.
-    """
+    """Return (gain per value, how many standard errors) of one model over another, over blocks of repeats."""
     n = float((weight > 0).sum())
     change = (after.fit.picture - before.fit.picture) * np.sqrt(weight)
     square, size = (change**2).sum(axis=(1, 2, 3), dtype=np.float64), np.abs(change).sum(axis=(1, 2, 3), dtype=np.float64)
-    gain = before.score - after.score
-    variance = 0.0
-    for b in np.unique(case.block):
-        own = case.block == b
-        shared, loss = 2 * _SHARED * size[own].sum(), min(gain[own].sum(), 0.0)
-        variance += 4 * after.white**2 * square[own].sum() + shared**2 + loss**2
-    return float(gain.sum() / n), float(gain.sum() / np.sqrt(max(variance, 1e-12)))
+    gain, sigmas = surely(before.score - after.score, square, size, case.block, after.white)
+    return gain / n, sigmas
 
 
 def search(

@@ -99,6 +99,8 @@ class Effect:
     approximation : float
         By which share of its amplitude what it predicts may be wrong: so much of it may be left over without being taken
         for another effect.
+    on_patch : bool
+        Whether it changes nothing but the surface's row of parameters, so that it can be tested on a BRDF without pictures.
     """
 
     id: ClassVar[str]
@@ -113,6 +115,7 @@ class Effect:
     on_region: ClassVar[bool] = False
     prepares_again: ClassVar[bool] = False
     approximation: ClassVar[float] = 0.015
+    on_patch: ClassVar[bool] = False
 
     def targets(self, case: Case) -> list[str | None]:
         """Return what the effect may belong to (names of shapes or lights), [None] if to everything, [] if to nothing here."""

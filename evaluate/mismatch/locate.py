@@ -38,6 +38,11 @@ class Dependence:
     sigmas: float
 
 
+def family_threshold(tests: float) -> float:
+    """Return beyond how many standard deviations one of so many tests may go in 1 % of all nulls (Sidak)."""
+    return float(norm.isf(0.5 * (1 - (1 - _FAMILY) ** (1 / max(tests, 1)))))
+
+
 def located(case: Case, z: Floats, white: float) -> NDArray[np.bool_]:
     """Return where the residual is no noise (F, H, W).
 
@@ -48,7 +53,7 @@ def located(case: Case, z: Floats, white: float) -> NDArray[np.bool_]:
     out = np.zeros(case.valid.shape, bool)
     valid = case.valid.astype(np.float32)
     tests = 3 * len(_SCALES) * case.valid.sum()
-    threshold = norm.isf(0.5 * (1 - (1 - _FAMILY) ** (1 / max(tests, 1))))
+    threshold = family_threshold(tests)
     for scale in _SCALES:
         count = uniform_filter(valid, (0, scale, scale)) * scale**2
         for c in range(3):

@@ -138,6 +138,30 @@ def open_source(path: str | Path, kind: str = "auto", images: slice | None = Non
     raise InputError(f"be one of {', '.join(KINDS)}", got=kind, key="kind")
 
 
+def read_brdf(path: str | Path) -> ABRDF | None:
+    """Return the samples of a file that holds the BRDF of one point, with all its channels; None if `path` is anything else."""
+    path = Path(path)
+    kind = _SUFFIXES.get(path.suffix.lower()) if path.is_file() else None
+    if kind == "cornell":
+        from .cornell import read_cornell
+
+        return read_cornell(path)
+    if kind == "merl":
+        from .merl import read_merl
+
+        return read_merl(path, (2, 6, 12))
+    if kind == "pbsdf":
+        from .tensor_file import read_pbsdf
+
+        return read_pbsdf(path)
+    if kind == "rgl":
+        from .rgl import read_rgl
+
+        brdf = read_rgl(path)
+        return brdf.samples() if brdf.isotropic else brdf.samples(60)
+    return None
+
+
 def read_conditions(path: str | Path, kind: str = "auto") -> MeasurementFile | None:
     """Return a measurement/1 of conditions, such as moisture; None if `path` is anything else (`open_source` opens that)."""
     path = Path(path)

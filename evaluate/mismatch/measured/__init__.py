@@ -1,0 +1,1 @@
+"""The diagnosis of measurements without a picture: BRDFs over directions, spectra under conditions, photometric stereo."""
