@@ -57,6 +57,10 @@ def _add_pictures(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--masks", metavar="M", help="folder of its bodies' ids, 0 for all else: tests whether one has moved")
     group.add_argument("--noise", metavar="READ,SHOT", help="of the recording: variance READ**2 + SHOT * signal (else estimated)")
     group.add_argument("--focal-px", type=float, metavar="PX", help="focal length (default: the picture's width)")
+    drive = parser.add_argument_group("a reconstructed drive, in place of RECORDING")
+    drive.add_argument("--scene", metavar="SCENE", help="folder of scene-build: each frame is predicted from the others")
+    drive.add_argument("--average", type=int, metavar="N", help="average N x N pixels (default: to 320 columns at most)")
+    drive.add_argument("--pose-error-px", type=float, metavar="PX", help="what its poses are off by, in pixels (default: 0.2)")
 
 
 def _run(args: argparse.Namespace) -> None:
@@ -104,6 +108,7 @@ def _diagnose_pictures(
 ) -> tuple[str, str, list[Finding]]:
     from .diagnose_inputs import load_source
     from .mismatch.diagnose import diagnose
+    from .mismatch.drive.load import drive_settings
     from .mismatch.outputs import write_diagnosis
     from .mismatch.report import sentence
 
@@ -111,6 +116,8 @@ def _diagnose_pictures(
     for why in dict.fromkeys(case.untestable.values()):
         ids = [id for id, reason in case.untestable.items() if reason == why]
         say(f"cannot be tested ({why}): {', '.join(ids)}")
+    if args.scene is not None:
+        settings = drive_settings(args.most)
     d = diagnose(case, effects, args.seed, settings, say)
     write_diagnosis(output, d)
     return d.verdict, sentence(d), d.findings

@@ -24,6 +24,8 @@ from .warp import first_piece
 logger = logging.getLogger("meniscus")
 # Of the excess: what edges and the weights' own noise take off chi-square where nothing is left.
 _SLACK = 0.05
+# Pixels that are off together where a simulation itself is uncertain (`Case.shared_variance`).
+_TOGETHER = 25
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,9 @@ def gain_of(case: Case, weight: Floats, before: Model, after: Model) -> tuple[fl
     n = float((weight > 0).sum())
     change = (after.fit.picture - before.fit.picture) * np.sqrt(weight)
     square, size = (change**2).sum(axis=(1, 2, 3), dtype=np.float64), np.abs(change).sum(axis=(1, 2, 3), dtype=np.float64)
-    gain, sigmas = surely(before.score - after.score, square, size, case.block, after.white)
+    # Where the simulation itself is uncertain, neighbours are off together, and noise counts for more.
+    white = float(np.sqrt(after.white**2 + _TOGETHER * case.shared_variance))
+    gain, sigmas = surely(before.score - after.score, square, size, case.block, white)
     return gain / n, sigmas
 
 
@@ -161,7 +165,7 @@ def search(
 
 def is_noise(model: Model) -> bool:
     """Return whether nothing but noise is left of a model's residual."""
-    return model.structure < 0.004 and model.worst < 6.5
+    return model.structure < 0.004 + model.case.shared_variance and model.worst < 6.5
 
 
 def spread_frames(case: Case, most: int) -> NDArray[np.int64]:

@@ -95,6 +95,11 @@ class Case:
         return {}
 
     @property
+    def shared_variance(self) -> float:
+        """Share of the variance that neighbouring pixels have in common: none, as noise of sensors is each pixel's own."""
+        return 0.0
+
+    @property
     def num_frames(self) -> int:
         return len(self.pictures)
 

@@ -116,8 +116,9 @@ def diagnose(
         )
     if case.num_frames == 1:
         notes.append("One frame only: nothing could be held out, and what changes between frames cannot be seen.")
-    noisy = not case.noise_estimated and abs(best.white - 1) > _NOISE_SHARE and best.structure < 0.03 * best.white**2 + 0.01
-    if noisy and "noise_model" in {e.id for e in effects}:
+    stated = not case.noise_estimated and "noise_model" in {e.id for e in effects}
+    noisy = stated and abs(best.white - 1) > _NOISE_SHARE and best.structure < 0.03 * best.white**2 + 0.01
+    if noisy:
         findings.append(_noise_finding(best))
     clean = is_noise(best)
     if findings:

@@ -58,7 +58,7 @@ def located(case: Case, z: Floats, white: float) -> NDArray[np.bool_]:
         count = uniform_filter(valid, (0, scale, scale)) * scale**2
         for c in range(3):
             mean = uniform_filter(z[..., c] * valid, (0, scale, scale)) * scale**2 / np.maximum(count, 1)
-            sigma = np.sqrt(white**2 / np.maximum(count, 1) + FLOOR**2)
+            sigma = np.sqrt(white**2 / np.maximum(count, 1) + FLOOR**2 + case.shared_variance)
             out |= (np.abs(mean) > threshold * sigma) & (count > 0.5 * scale**2)
     return out & case.valid
 
@@ -86,7 +86,7 @@ def largest_tile(case: Case, z: Floats, white: float) -> float:
         t = z[:, :height, :width].reshape(case.num_frames, height // k, k, width // k, k, 3).mean(axis=(2, 4))
         v = case.valid[:, :height, :width].reshape(case.num_frames, height // k, k, width // k, k).all(axis=(2, 4))
         if v.any():
-            worst = max(worst, float(np.abs(t[v]).max() / np.sqrt(white**2 / k**2 + FLOOR**2)))
+            worst = max(worst, float(np.abs(t[v]).max() / np.sqrt(white**2 / k**2 + FLOOR**2 + case.shared_variance)))
     return worst
 
 

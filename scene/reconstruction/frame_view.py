@@ -53,7 +53,7 @@ class FrameView:
     mesh_index: NDArray[np.int32]
 
     def colours(
-        self, points: Floats, normals: Floats, spacing: float, coarsest: int = 2
+        self, points: Floats, normals: Floats, spacing: float | Floats, coarsest: int = 2
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the radiance that the frame sees at world points, and how well it sees them.
 
@@ -61,7 +61,7 @@ class FrameView:
         ----------
         points, normals : (N, 3) float
             Surface points and their unit normals, either side.
-        spacing : float
+        spacing : float or (N,) float
             Distance between points [m]: pixels finer than this are averaged first.
         coarsest : int
             At most `2**coarsest` pixels are averaged along each side.

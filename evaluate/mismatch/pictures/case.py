@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ from ..pieces import Pieces
 
 STATIC = "picture"
 _WHITE = "as simulated"
+_FAR = 1e6  # [m]: where what is infinitely far is put
 
 
 @dataclass(frozen=True)
@@ -48,6 +50,8 @@ class Given:
         None: a level camera, above the lowest that it sees.
     focal_px : float or None
         Of that camera; None: the picture's width.
+    label_names : dict of str or None
+        Names of the ids; None: "picture" and "body ID".
     """
 
     recorded: Floats
@@ -59,6 +63,7 @@ class Given:
     extra: Floats | None = None
     cameras: tuple[Camera, ...] | None = None
     focal_px: float | None = None
+    label_names: dict[int, str] | None = None
 
 
 @dataclass(frozen=True)
@@ -71,24 +76,39 @@ class PictureCase(Case):
         One a pixel.
     extra : (F, H, W, 3) float32 or None
         As of `Given`.
+    uncertain : float
+        Mean share of `extra` in the variance.
     has_depth : bool
     reasons : dict of str
         Why effects could not be tested, by id.
+    layers : dict of dict
+        By the name of a frame: what else is known of it, for effects that ask for it.
     """
 
     given: Pieces | None = None
     extra: Floats | None = None
+    uncertain: float = 0.0
     has_depth: bool = False
     reasons: dict[str, str] = field(default_factory=dict)
+    layers: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @cached_property
     def pieces(self) -> Pieces:
         assert self.given is not None
         return self.given
 
+    def layer(self, key: str) -> list[Any]:
+        """Return what is known of each frame under a key."""
+        return [self.layers[f.name][key] for f in self.recording.frames]
+
     @property
     def untestable(self) -> dict[str, str]:
         return self.reasons
+
+    @property
+    def shared_variance(self) -> float:
+        """That of the simulation itself: where a surface or a camera is off, it is off for all pixels around."""
+        return self.uncertain
 
     def noise_of(self, picture: Floats) -> Floats:
         """Return the variance of a recording of `picture`, with that of the simulation itself."""
@@ -122,7 +142,7 @@ def build(g: Given, noise: Noise, noise_estimated: bool, notes: tuple[str, ...] 
     each = np.arange(frames)
     return PictureCase(
         Recording(entries, root, noise=noise),
-        _stand_in(g.labels),
+        _stand_in(g.labels, g.label_names),
         recorded,
         valid,
         variance if g.extra is None else variance + g.extra,
@@ -139,6 +159,7 @@ def build(g: Given, noise: Noise, noise_estimated: bool, notes: tuple[str, ...] 
         notes,
         given=_pieces(g, valid, list(cameras)),
         extra=g.extra,
+        uncertain=0.0 if g.extra is None else float((g.extra / (variance + g.extra))[valid].mean()),
         has_depth=g.depth is not None,
     )
 
@@ -158,11 +179,11 @@ def body_name(label: int) -> str:
     return f"body {label}" if label else STATIC
 
 
-def _stand_in(labels: NDArray[np.int64] | None) -> Simulation:
+def _stand_in(labels: NDArray[np.int64] | None, names: dict[int, str] | None = None) -> Simulation:
     """Return a simulation that shows each piece in its own colour: even light of 1, and nothing in its way."""
     ids = [0] if labels is None else sorted({0, *np.unique(labels).tolist()})
     speck = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.uint32))
-    shapes = tuple(Shape(body_name(i), speck, _WHITE, instance=i) for i in ids)
+    shapes = tuple(Shape(body_name(i) if names is None else names[i], speck, _WHITE, instance=i) for i in ids)
     lights: dict[str, Light] = {_WHITE: EnvironmentLight((1.0, 1.0, 1.0))}
     return Simulation(shapes, {_WHITE: Material("lambert", albedo=(1.0, 1.0, 1.0))}, lights, Transport(1, shadows=False))
 
@@ -176,7 +197,7 @@ def _pieces(g: Given, valid: NDArray[np.bool_], cameras: list[Camera]) -> Pieces
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     distance = depth / np.einsum("pc,pc->p", rays, axis)
     eye = np.repeat([c.position for c in cameras], height * width, axis=0)
-    near = np.where(np.isfinite(distance), distance, 0.0)
+    near = np.where(np.isfinite(distance), distance, _FAR)
     shape = np.zeros(n, np.int32)
     if g.labels is not None:
         shape = np.searchsorted(sorted({0, *np.unique(g.labels).tolist()}), g.labels.ravel()).astype(np.int32)

@@ -118,10 +118,14 @@ def test_depth_and_masks_go_with_the_pictures(folders, tmp_path):
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        ([], "RECORDING must be given, or --simulated and --recorded in its place, got neither"),
-        (["x", "--simulated", "a", "--recorded", "b"], "got both"),
+        ([], "what is to be explained must be one, got none"),
+        (["x", "--simulated", "a", "--recorded", "b"], "got recording and simulated"),
+        (["x", "--scene", "s"], "got recording and scene"),
         (["--simulated", "a"], "--recorded must be given"),
-        (["x", "--depth", "d"], "--depth must go with --simulated and --recorded"),
+        (["x", "--depth", "d"], "--depth must go with --simulated A"),
+        (["x", "--average", "2"], "--average must go with --scene SCENE"),
+        (["--scene", "s", "--average", "0"], "--average must be 1 or more"),
+        (["--scene", "s", "--pose-error-px", "-1"], "--pose-error-px must be 0 or more"),
         (["--simulated", "a", "--recorded", "b", "--noise", "0.1"], "--noise must be two numbers with a comma between"),
         (["--simulated", "a", "--recorded", "b", "--noise", "0,0"], "--noise must be two numbers of 0 or more"),
         (["--simulated", "a", "--recorded", "b", "--focal-px", "-3"], "--focal-px must be positive"),
