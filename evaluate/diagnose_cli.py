@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from materials.foundation.command import run_command
+from materials.foundation.command import image_slice, run_command
 from materials.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     what = (
         "folder with recording.json and simulation.json; a measurement.json or its folder; a file of a measured BRDF (Cornell "
-        "*.brdf, MERL *.binary, *.pbsdf, RGL *.bsdf)"
+        "*.brdf, MERL *.binary, *.pbsdf, RGL *.bsdf); photometric stereo in DiLiGenT's layout, or as a recording of one normal_map"
     )
     parser.add_argument("recording", nargs="?", metavar="RECORDING", help=what)
     parser.add_argument("-o", "--output", metavar="OUT", help="folder for diagnosis.json, report.html and what goes with them")
@@ -39,6 +39,8 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--without", action="append", default=[], metavar="ID", help="leave an effect out of the catalogue")
     words = "of a file that says no model: what was believed (default: lambert)"
     parser.add_argument("--believed", choices=("lambert", "ggx"), default="lambert", help=words)
+    words = "of photometric stereo: some of the photographs only, a Python slice such as 20:"
+    parser.add_argument("--images", metavar="FROM:TO", help=words)
     parser.add_argument("--list-effects", action="store_true", help="print the catalogue and stop")
     parser.add_argument("--most", type=int, default=3, metavar="N", help="at most so many effects at once (default: 3)")
     parser.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -90,7 +92,7 @@ def _run(args: argparse.Namespace) -> None:
 
     measurement = measurement_of(Path(args.recording), args.believed, output) if args.recording is not None else None
     if measurement is not None:
-        verdict, words, findings = diagnose_measurement(measurement, output, effects, settings, say)
+        verdict, words, findings = diagnose_measurement(measurement, output, effects, settings, say, image_slice(args.images))
     else:
         verdict, words, findings = _diagnose_pictures(args, output, effects, settings, say)
     if not args.quiet:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .fit_settings import FitSettings
-from .foundation.command import add_common_flags, run_command
+from .foundation.command import add_common_flags, image_slice, run_command
 from .foundation.errors import InputError
 from .foundation.settings import add_flags, as_dict, from_flags, read_toml
 
@@ -49,7 +49,7 @@ def _parser() -> argparse.ArgumentParser:
 def _run(args: argparse.Namespace) -> None:
     file = Path(args.settings) if args.settings else None
     settings = from_flags(FitSettings, args, read_toml(file) if file else {}, file)
-    images = _slice(args.images)
+    images = image_slice(args.images)
     output = Path(args.output)
     if output.exists() and not output.is_dir():
         raise InputError("be a folder", got="a file", file=output, remedy="Choose another place.")
@@ -109,18 +109,6 @@ def _export(name: str, output: Path, material: SVBRDF, quiet: bool) -> None:
     told = write(output / file, material)
     if not quiet:
         print(f"{output / file}: " + ", ".join(f"{key.replace('_', ' ')} {value:.3g}" for key, value in told.items()))
-
-
-def _slice(text: str | None) -> slice | None:
-    if text is None:
-        return None
-    try:
-        parts = [int(part) if part else None for part in text.split(":")]
-    except ValueError:
-        parts = []
-    if not 2 <= len(parts) <= 3 or 0 in parts[2:]:
-        raise InputError("be FROM:TO or FROM:TO:STEP", got=text, key="--images")
-    return slice(*parts)
 
 
 if __name__ == "__main__":

@@ -100,3 +100,16 @@ def _terminate_like_interrupt() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGTERM, before if before is not None else signal.SIG_DFL)
+
+
+def image_slice(text: str | None) -> slice | None:
+    """Return which photographs `--images FROM:TO` names; None for all."""
+    if text is None:
+        return None
+    try:
+        parts = [int(part) if part else None for part in text.split(":")]
+    except ValueError:
+        parts = []
+    if not 2 <= len(parts) <= 3 or 0 in parts[2:]:
+        raise InputError("be FROM:TO or FROM:TO:STEP", got=text, key="--images")
+    return slice(*parts)

@@ -142,7 +142,7 @@ def _finding(world: Patch | Ground, found: Found, id: str) -> Finding:
     for name, (value, unit) in whole.items():
         parameters[name] = {"value": value, "unit": unit}
         if len(folds) > 1:
-            low, high = _interval(np.array([[f[name][0]] for f in folds]), np.array([value]))
+            low, high = interval(np.array([[f[name][0]] for f in folds]), np.array([value]))
             parameters[name]["ci90"] = [float(low[0]), float(high[0])]
     channels = world.samples.channels
     for key, scale in model.fit.scales.items():
@@ -151,7 +151,7 @@ def _finding(world: Patch | Ground, found: Found, id: str) -> Finding:
         unit = "1/sr" if key.endswith("strength") else "1"
         entry: dict[str, Any] = {"value": scale.tolist(), "unit": unit, "per": "channel", "channels": list(channels)}
         if len(model.folds) > 1:
-            low, high = _interval(np.array([f.scales[key] for f in model.folds]), scale)
+            low, high = interval(np.array([f.scales[key] for f in model.folds]), scale)
             entry["ci90"] = np.stack([np.maximum(low, 0), high], axis=1).tolist()
         parameters[key.split(".")[1]] = entry
     if isinstance(world, Ground) and (formula := world.formula(id, model.fit.values)):
@@ -160,7 +160,7 @@ def _finding(world: Patch | Ground, found: Found, id: str) -> Finding:
     return Finding(id, effect.title, effect.says, None, parameters, gain, p, found.ambiguous.get(id, []), effect.decides)
 
 
-def _interval(folds: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def interval(folds: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the 90 % interval about a value by the jackknife over blocks (Tukey 1958)."""
     n = len(folds)
     sigma = np.sqrt((n - 1) / n * ((folds - folds.mean(axis=0)) ** 2).sum(axis=0))

@@ -48,6 +48,24 @@ def _places(wi: Floats, wo: Floats) -> Floats:
     return np.column_stack([theta_i, viewed, np.sqrt(theta_h)])
 
 
+def of_pictures(pictures: Floats) -> tuple[float, float, str]:
+    """Return (a, b) of sigma² = a² + (b value)² of pictures (H, W, N), NaN where nothing is seen; and how it was found.
+
+    From the corners of 2 x 2 pixels, which slopes and edges along rows and columns cannot be seen in; the median passes
+    highlights and outlines over.
+    """
+    p = pictures
+    corner = np.abs(p[1:, 1:] - p[:-1, 1:] - p[1:, :-1] + p[:-1, :-1]) / 2
+    level = 0.25 * np.abs(p[1:, 1:] + p[:-1, 1:] + p[1:, :-1] + p[:-1, :-1])
+    seen = np.isfinite(corner)
+    a, b = _level(corner[seen], level[seen])
+    words = (
+        f"The photographs state no noise; from the finest differences of pixels it was estimated: sigma² = ({a:.3g})² + "
+        f"({b:.3g} value)². Texture counts as noise."
+    )
+    return a, b, words
+
+
 def rising_share(sigma: Floats, value: Floats) -> float:
     """Return b >= 0 of sigma² = a² + (b value)², as sigmas (N, C) of values have it."""
     square, x = sigma.ravel() ** 2, value.ravel() ** 2

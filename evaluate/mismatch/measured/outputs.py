@@ -37,11 +37,21 @@ def write_measured_diagnosis(folder: str | Path, d: MeasuredDiagnosis) -> None:
     with replacing(folder / "affected.npz") as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, located=d.located, affected=d.affected)
     make_folder(folder / "corrected")
+    if "stereo" in d.extra:
+        from .stereo_pictures import draw_stereo
+
+        stereo, _, best = d.extra["stereo"]
+        with replacing(folder / "corrected" / "normals.npz") as temporary, temporary.open("wb") as file:
+            np.savez_compressed(
+                file, normal=best.fit.normal, albedo=best.fit.albedo, mask=stereo.mask, prediction=best.fit.prediction
+            )
+        pictures = draw_stereo(d, make_folder(folder / "pictures"))
+    else:
+        pictures = draw(d, make_folder(folder / "pictures"))
     if d.samples is not None and d.best is not None:
         with replacing(folder / "corrected" / "prediction.npz") as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, believed=d.base.fit.prediction if d.base else 0, corrected=d.best.fit.prediction)
         write_json(folder / "corrected" / "model.json", corrected(d))
-    pictures = d.extra.get("pictures") or draw(d, make_folder(folder / "pictures"))
     write_report(folder, report(d, pictures))
     write_json(folder / "diagnosis.json", as_json(d))
 
@@ -82,7 +92,7 @@ def as_json(d: MeasuredDiagnosis) -> dict[str, Any]:
         }
         | d.extra.get("held_out", {}),
         "affected": "affected.npz",
-        "corrected": "corrected/model.json" if d.samples is not None else None,
+        "corrected": "corrected/normals.npz" if "stereo" in d.extra else "corrected/model.json",
         "residual_depends_on": [x.name for x in d.depends_on[:4]],
         "free_parameters": d.free,
         "noise": {"stated": d.noise_stated},

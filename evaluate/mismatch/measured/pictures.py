@@ -18,7 +18,7 @@ from .samples import Samples
 Floats = NDArray[np.float64]
 _RANGE = 6.0
 _DECADES = 4.0
-_BEFORE, _AFTER = "tab:red", "tab:blue"
+BEFORE, AFTER = "tab:red", "tab:blue"
 
 
 def draw(d: MeasuredDiagnosis, folder: Path) -> dict[str, Path]:
@@ -27,11 +27,11 @@ def draw(d: MeasuredDiagnosis, folder: Path) -> dict[str, Path]:
     s = d.samples
     out = {}
     if d.proof.rows:
-        _save(_blocks(d.proof), folder / "blocks.png")
+        save(blocks_figure(d.proof), folder / "blocks.png")
         out["Chi-square of blocks that the fit did not see"] = folder / "blocks.png"
     if s.kind == "directions":
-        _save(_polar(s, d.base, d.best), folder / "polar.png")
-        _save(_over_angles(s, d.base, d.best), folder / "residuals.png")
+        save(_polar(s, d.base, d.best), folder / "polar.png")
+        save(_over_angles(s, d.base, d.best), folder / "residuals.png")
         out["In and near the plane of incidence, mean of channels; the radius is logarithmic, the line the mirror direction"] = (
             folder / "polar.png"
         )
@@ -39,8 +39,8 @@ def draw(d: MeasuredDiagnosis, folder: Path) -> dict[str, Path]:
             folder / "residuals.png"
         )
     else:
-        _save(_over_condition(s, d.base, d.best), folder / "condition.png")
-        _save(_residual_spectra(s, d.base, d.best), folder / "residuals.png")
+        save(_over_condition(s, d.base, d.best), folder / "condition.png")
+        save(_residual_spectra(s, d.base, d.best), folder / "residuals.png")
         out[f"Reflectance against {s.condition_name} at three wavelengths; predictions are of records that the fit did not see"] = (
             folder / "condition.png"
         )
@@ -50,12 +50,13 @@ def draw(d: MeasuredDiagnosis, folder: Path) -> dict[str, Path]:
     return out
 
 
-def _blocks(proof: Proof) -> Figure:
+def blocks_figure(proof: Proof) -> Figure:
+    """Return bars of chi-square per held-out block."""
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     axes = figure.subplots()
     at = np.arange(len(proof.rows))
-    axes.bar(at - 0.2, [r[1] for r in proof.rows], 0.4, color=_BEFORE, label="as believed")
-    axes.bar(at + 0.2, [r[2] for r in proof.rows], 0.4, color=_AFTER, label="with what was found")
+    axes.bar(at - 0.2, [r[1] for r in proof.rows], 0.4, color=BEFORE, label="as believed")
+    axes.bar(at + 0.2, [r[2] for r in proof.rows], 0.4, color=AFTER, label="with what was found")
     axes.axhline(1, color="black", linewidth=0.8)
     axes.set_yscale("log")
     axes.set_ylabel("held-out chi-square a value")
@@ -80,8 +81,8 @@ def _polar(s: Samples, base: Model, best: Model) -> Figure:
         values = [v[near].mean(axis=1)[order] for v in (s.value, base.unseen, best.unseen)]
         top = max(float(max((v.max() for v in values if v.size), default=1.0)), 1e-12)
         radii = [np.maximum(np.log10(np.maximum(v, 1e-30) / top) + _DECADES, 0) for v in values]
-        axes.plot(place[order], radii[1], color=_BEFORE, linewidth=1, label="as believed")
-        axes.plot(place[order], radii[2], color=_AFTER, linewidth=1, label="with what was found")
+        axes.plot(place[order], radii[1], color=BEFORE, linewidth=1, label="as believed")
+        axes.plot(place[order], radii[2], color=AFTER, linewidth=1, label="with what was found")
         axes.plot(place[order], radii[0], "k.", markersize=3, label="measured")
         axes.plot(np.radians([angle, angle]), [0, _DECADES], color="0.6", linewidth=0.8)
         axes.set_theta_zero_location("N")
@@ -117,8 +118,8 @@ def _over_condition(s: Samples, base: Model, best: Model) -> Figure:
     order = np.argsort(s.condition)
     for axes, c in zip(np.atleast_1d(figure.subplots(1, len(channels))), channels):
         axes.plot(s.condition, s.value[:, c], "k.", markersize=2, label="measured")
-        axes.plot(s.condition[order], base.unseen[order, c], color=_BEFORE, label="as believed")
-        axes.plot(s.condition[order], best.unseen[order, c], color=_AFTER, label="with what was found")
+        axes.plot(s.condition[order], base.unseen[order, c], color=BEFORE, label="as believed")
+        axes.plot(s.condition[order], best.unseen[order, c], color=AFTER, label="with what was found")
         axes.set(title=s.channels[c], xlabel=f"{s.condition_name} [{s.condition_unit}]")
     figure.axes[0].set_ylabel("reflectance")
     figure.axes[0].legend(fontsize=7)
@@ -146,6 +147,7 @@ def _residual_spectra(s: Samples, base: Model, best: Model) -> Figure:
     return figure
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; where it is, it is whole."""
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=100)
