@@ -31,6 +31,7 @@ from .data import data_folder
 from .report import Report
 from .soil import write_soil_measurement
 
+_DRIEST = 0.1
 _PAINTS = ("cayman", "garnet_red", "krylon_blue")
 _COLUMNS = (
     "measured", "believed", "verdict", "named", "or", "held-out chi-square before", "after", "rmse before", "rmse after",
@@ -126,11 +127,10 @@ def soil(folder: Path, step: int = 1) -> list[Trial]:
     wet = write_soil_measurement(
         data_folder() / "soil_wet_dry" / "karly_soilmoisture_dataset.csv", folder / "measurements" / "soil", step
     )
+    model = believe_dry(wet)
     measured = read_measurement(wet).conditions
     assert measured is not None
-    driest = measured.condition <= np.quantile(measured.condition, 0.1)
-    model = {"model": "lambert", "albedo": measured.value[driest].mean(axis=0).tolist(), "free": ["albedo_scale"]}
-    _believe(wet, model)
+    driest = measured.condition <= np.quantile(measured.condition, _DRIEST)
     # The driest records in an order that says nothing of water: theirs is what they came in.
     k = int(driest.sum())
     rows = np.flatnonzero(driest)
@@ -147,9 +147,14 @@ def soil(folder: Path, step: int = 1) -> list[Trial]:
     return [_trial("soil", "dry", wet, folder), _trial("soil at one level", "dry", still / "measurement.json", folder)]
 
 
-def _believe(path: Path, model: dict[str, Any]) -> None:
-    head = json.loads(path.read_text(encoding="utf-8"))
-    write_json(path, head | {"model": model})
+def believe_dry(path: Path) -> dict[str, Any]:
+    """Write into a measurement/1 of spectra that the mean of its driest tenth was believed at all levels; return that model."""
+    measured = read_measurement(path).conditions
+    assert measured is not None
+    driest = measured.condition <= np.quantile(measured.condition, _DRIEST)
+    model = {"model": "lambert", "albedo": measured.value[driest].mean(axis=0).tolist(), "free": ["albedo_scale"]}
+    write_json(path, json.loads(path.read_text(encoding="utf-8")) | {"model": model})
+    return model
 
 
 def _trial(name: str, believed: str, path: Path, folder: Path) -> Trial:

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Protocol
 
+import numpy as np
+
 from materials.foundation.progress import tracked
 
 from ..attribute import SearchSettings
@@ -223,6 +225,8 @@ def _ambiguities(world: Candidates, found: Found, cache: dict) -> None:
             other = _of_ids(world, ids, model, cache)
             if other is None:
                 continue
-            gain, sigmas = gain_over(other, model, world.samples)
-            if sigmas < 1 or gain < 0:
+            # As blocks differ: where one does better in some and the other in others, these data do not part them.
+            better = other.score - model.score
+            spread = np.std(better, ddof=1) * np.sqrt(len(better)) if len(better) > 1 else 0.0
+            if better.sum() <= spread or gain_over(other, model, world.samples)[1] < 1:
                 found.ambiguous[id].append(effect.id)
