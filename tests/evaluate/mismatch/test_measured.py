@@ -24,16 +24,15 @@ def _diagnose(folder, without: tuple[str, ...] = ()):
     return diagnose_file(folder, catalogue(without=without), say=lambda _: None)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_a_matte_surface_that_was_believed_matte_is_consistent(tmp_path, seed):
     d = _diagnose(write_brdf(tmp_path, brdf(), seed=seed))
     assert d.verdict == "consistent", d.findings
     assert not d.located.any()
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_a_glossy_surface_that_was_believed_as_glossy_is_consistent(tmp_path, seed):
-    assert _diagnose(write_brdf(tmp_path, brdf(1.0, 0.3), GGX, seed)).verdict == "consistent"
+def test_a_glossy_surface_that_was_believed_as_glossy_is_consistent(tmp_path):
+    assert _diagnose(write_brdf(tmp_path, brdf(1.0, 0.3), GGX)).verdict == "consistent"
 
 
 def test_a_missing_lobe_is_named_with_its_width_and_foreseen_at_angles_that_were_held_out(tmp_path):
@@ -120,6 +119,14 @@ def test_the_command_writes_a_diagnosis_that_another_program_can_read(tmp_path, 
 def test_the_same_measurement_gives_the_same_diagnosis(tmp_path):
     folder = write_brdf(tmp_path, brdf(0.8, 0.3))
     assert as_json(_diagnose(folder)) == as_json(_diagnose(folder))
+
+
+def test_names_of_folders_and_samples_say_nothing(tmp_path):
+    a = write_brdf(tmp_path / "specular_lobe", brdf())
+    head = json.loads((a / "measurement.json").read_text()) | {"name": "glossy"}
+    (a / "measurement.json").write_text(json.dumps(head))
+    (a / "answers.json").write_text(json.dumps({"effects": ["specular_lobe"]}))
+    assert as_json(_diagnose(a)) == as_json(_diagnose(write_brdf(tmp_path / "m", brdf())))
 
 
 def test_one_level_only_is_fitted_but_not_held_out(tmp_path):

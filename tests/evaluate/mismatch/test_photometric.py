@@ -146,3 +146,25 @@ def test_the_command_reads_a_folder_in_the_layout_of_diligent(tmp_path, capsys):
     assert [e["id"] for e in told["effects"]] == ["specular_lobe"]
     assert told["held_out"]["normal_error_deg_after"] < told["held_out"]["normal_error_deg_before"]
     assert (tmp_path / "out" / "report.html").read_text().count("data:image/png") == 3
+
+
+def test_the_command_reads_a_recording_of_one_normal_map(tmp_path):
+    p = _photographs(0.5)
+    # The camera looks down: its x is the world's, its y and z are turned round.
+    camera = {"model": "ORTHOGRAPHIC", "width": SIZE, "height": SIZE, "pixel_size": 0.001}
+    camera["T_world_camera"] = [[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 1], [0, 0, 0, 1]]
+    frames, lights = [], {}
+    for k, name in enumerate(p.files):
+        picture = np.zeros((SIZE, SIZE), np.uint16)
+        picture[p.mask] = np.clip(p.abrdf.value[:, k, 0] * 60000, 0, 65535).round()
+        cv2.imwrite(str(tmp_path / f"{name}.png"), np.repeat(picture[..., None], 3, axis=2))
+        frames.append({"image": f"{name}.png", "response": "linear", "lights": [name], "camera": camera})
+        lights[name] = {"type": "directional", "direction": (-p.lights[k]).tolist(), "irradiance": [1, 1, 1]}
+    normal = np.rint((p.normal + 1) / 2 * 65535).astype(np.uint16) * p.mask[..., None].astype(np.uint16)
+    cv2.imwrite(str(tmp_path / "normal.png"), normal[..., ::-1])
+    (tmp_path / "recording.json").write_text(json.dumps({"format": "recording/1", "frames": frames}))
+    shapes = [{"name": "cap", "normal_map": "normal.png", "material": "cap"}]
+    told = {"format": "simulation/1", "shapes": shapes, "lights": lights}
+    (tmp_path / "simulation.json").write_text(json.dumps(told | {"materials": {"cap": {"model": "lambert", "albedo": 0.5}}}))
+    assert main([str(tmp_path), "-o", str(tmp_path / "out"), "--quiet"]) == 0
+    assert [e["id"] for e in json.loads((tmp_path / "out" / "diagnosis.json").read_text())["effects"]] == ["specular_lobe"]
