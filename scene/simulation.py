@@ -225,7 +225,8 @@ class Medium:
 class AddedEffect:
     """Physics that no other field of the format holds, by its name in the catalogue of `evaluate.mismatch`.
 
-    `target` is the name of a shape, light or frame, or None for everything.
+    `target` is the name of a shape, light or frame, or None for everything. The parameter `map`, where there is one, is a
+    texture: a mask or slopes over the shape's texture coordinates, or spots on the glass.
     """
 
     id: str

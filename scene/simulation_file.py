@@ -100,7 +100,7 @@ def read_simulation(path: str | Path) -> Simulation:
             None if data.medium is None else _medium(data.medium),
             _lens(data.lens),
             _sensor(data.sensor),
-            tuple(AddedEffect(e.id, e.target, e.parameters) for e in data.effects),
+            tuple(_effect(e, f"effects[{i}]", path.parent, textures) for i, e in enumerate(data.effects)),
         )
     except InputError as error:
         raise error.at(file=path) from error
@@ -135,7 +135,7 @@ def write_simulation(path: str | Path, simulation: Simulation) -> None:
         None if medium is None else _medium_json(medium),
         LensJson(lens.model, lens.aperture_radius, focus, lens.k1, lens.k2),
         SensorJson(sensor.response, sensor.gamma, sensor.saturation),
-        [EffectJson(e.id, e.target, e.parameters) for e in simulation.effects],
+        [_effect_json(e, path.parent) for e in simulation.effects],
     )
     write_json(path, msgspec.to_builtins(out))
 
@@ -238,6 +238,29 @@ def _light(light: LightJson, key: str) -> Light:
         raise InputError("have a length", got=light.direction, key=f"{key}.direction")
     x, y, z = (component / length for component in light.direction)
     return DirectionalLight((x, y, z), light.irradiance)
+
+
+def _effect(e: EffectJson, key: str, root: Path, textures: dict[Path, Texture]) -> AddedEffect:
+    """Read an effect; its parameter `map`, if there is one, names a picture of its own."""
+    parameters = dict(e.parameters)
+    if "map" in parameters:
+        if not isinstance(parameters["map"], str):
+            raise InputError("name a file", got=parameters["map"], key=f"{key}.parameters.map")
+        parameters["map"] = _texture(parameters["map"], f"{key}.parameters.map", root, textures)
+    return AddedEffect(e.id, e.target, parameters)
+
+
+def _effect_json(e: AddedEffect, root: Path) -> EffectJson:
+    parameters = dict(e.parameters)
+    field = parameters.get("map")
+    if field is not None:
+        field = np.asarray(field, np.float32)
+        # An image of the field has three channels: what a map lacks is zero.
+        channels = [field] if field.ndim == 2 else list(np.moveaxis(field, -1, 0))
+        channels += [np.zeros_like(channels[0])] * (3 - len(channels))
+        parameters["map"] = f"maps/{e.id}{'_' + e.target if e.target else ''}.exr"
+        write_exr(root / parameters["map"], dict(zip("RGB", (np.ascontiguousarray(c) for c in channels), strict=True)))
+    return EffectJson(e.id, e.target, parameters)
 
 
 def _medium_json(m: Medium) -> MediumJson:

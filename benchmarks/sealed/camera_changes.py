@@ -34,7 +34,7 @@ def glare(rng: np.random.Generator, t: Truth, s: float) -> Truth:
 def vignetting(rng: np.random.Generator, t: Truth, s: float) -> Truth:
     power = 2.5 * s
     gain = (1 + _radius2(t)) ** -power
-    return replace(t, develop=(*t.develop, lambda p, _: p * gain[..., None])).named("vignetting", falloff=f"(1 + r^2)^-{power}")
+    return replace(t, develop=(*t.develop, lambda p, _: p * gain[..., None])).named("vignetting", power=power)
 
 
 def _radius2(t: Truth) -> Floats:

@@ -12,12 +12,14 @@ import hashlib
 import json
 import secrets
 import sys
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from materials.foundation.files import make_folder, write_json
 from materials.foundation.progress import stage
@@ -28,7 +30,7 @@ from ..peers import mitsuba
 from . import camera_changes  # noqa: F401  (registers its changes)
 from .changes import CHANGES, UNLISTED, Truth
 from .photograph import photograph
-from .worlds import World, random_world
+from .worlds import Floats, World, random_world
 
 _SIGMAS = 3.0
 # Of rendering, in standard deviations of the sensor.
@@ -55,10 +57,33 @@ def plan(rng: np.random.Generator, trials: int, nulls: float, pairs: float, unli
     return [[str(x) for x in dict.fromkeys(chosen)] for chosen in out]
 
 
-def make(mi: ModuleType, rng: np.random.Generator, ids: list[str], strength: float, size: tuple[int, int], folder: Path) -> dict:
+@dataclass(frozen=True)
+class Tolerance:
+    """What a sender's calibration may be off by without anything being left out.
+
+    Attributes
+    ----------
+    lamps : float
+        Standard deviation of a lamp's place along each axis [m]; of the sun's direction [rad].
+    poses : float
+        Standard deviation of a camera's turn about each axis [px at the middle of the picture].
+    noise : (float, float)
+        Range of the factor on the sensor's noise, stated as it is.
+    """
+
+    lamps: float = 0.0
+    poses: float = 0.0
+    noise: tuple[float, float] = (1.0, 1.0)
+
+
+def make(
+    mi: ModuleType, rng: np.random.Generator, ids: list[str], strength: float, size: tuple[int, int], folder: Path,
+    tolerance: Tolerance | None = None, more: Sequence[Path] = (),
+) -> dict:  # fmt: skip
     """Write one recording into `folder` and return its answer, with `affected` (F, H, W) under that key.
 
-    Where two changes share no kind of world, the second is dropped.
+    Where two changes share no kind of world, the second is dropped. Into the folders of `more` goes the same with other noise
+    (and another level of it, if `tolerance` has a range); the answer is that of the first.
     """
     kinds = {"studio", "corner", "street"}
     kept = []
@@ -70,21 +95,26 @@ def make(mi: ModuleType, rng: np.random.Generator, ids: list[str], strength: flo
     believed = random_world(rng, str(rng.choice(sorted(kinds - {"corner"} if glossy and len(kinds) > 1 else kinds))), size, glossy)
     if "near_field_light" in kept:
         believed = _directional(believed)
-    truth = Truth(_nuisance(rng, believed))
+    tolerance = tolerance or Tolerance()
+    # Rendered finely enough for the lowest level of noise.
+    truth = Truth(_miscalibrated(rng, _nuisance(rng, _noisier(believed, tolerance.noise[0])), tolerance))
+    calibrated = truth.world
     for id in kept:
         # The subsurface of a body replaces its texture, which the sender then believes too.
         truth = (CHANGES | UNLISTED)[id][0](rng, truth, strength)
     if "subsurface" in kept:
         believed = believed.with_body("object", texture=truth.world.bodies["object"].texture)
-    nuisance = _with_scales(believed, truth.world)
+    nuisance = replace(_with_scales(believed, truth.world), lights=calibrated.lights, frames=calibrated.frames)
     samples = max(truth.samples, 256 if believed.kind == "street" else 64)
     seed = int(rng.integers(2**31))
     clean, rendering_noise = _converged(mi, truth, samples, seed)
     plain = _converged(mi, Truth(nuisance), samples, seed + 1)[0] if kept else clean
-    variance = _variance(believed, clean)
-    noisy = clean + truth.noise_gain * np.sqrt(variance) * rng.standard_normal(clean.shape)
-    z = np.abs(clean - plain) / np.sqrt(variance)
-    _write(folder, believed, noisy.astype(np.float16))
+    levels = rng.uniform(*tolerance.noise, 1 + len(more))
+    for copy, level in zip((folder, *more), levels, strict=True):
+        sent = _noisier(believed, float(level))
+        noise = truth.noise_gain * np.sqrt(_variance(sent, clean)) * rng.standard_normal(clean.shape)
+        _write(copy, sent, (clean + noise).astype(np.float16))
+    z = np.abs(clean - plain) / np.sqrt(_variance(_noisier(believed, float(levels[0])), clean))
     return {
         "effects": list(truth.effects),
         "kind": believed.kind,
@@ -130,6 +160,29 @@ def _nuisance(rng: np.random.Generator, world: World) -> World:
             surface = surface | {"alpha_u": alpha, "alpha_v": alpha, "scale": surface["scale"] * rng.uniform(0.9, 1.1)}
         world = world.with_body(name, texture=body.texture * rng.uniform(0.93, 1.07), surface=surface)
     return world
+
+
+def _noisier(world: World, factor: float) -> World:
+    """Return the world photographed with a multiple of the sensor's noise."""
+    read, shot = world.noise["read_sigma"], world.noise["shot_gain"]
+    return replace(world, noise={"read_sigma": read * factor, "shot_gain": shot * factor**2})
+
+
+def _miscalibrated(rng: np.random.Generator, world: World, tolerance: Tolerance) -> World:
+    """Return the world with lamps and poses off by what is tolerated; frames from one place share its error."""
+    lights = {}
+    for name, light in world.lights.items():
+        key = "position" if "position" in light else "direction"
+        off = tolerance.lamps * rng.standard_normal(3)
+        lights[name] = light | {key: (np.array(light[key]) + off).tolist()} if key in light else light
+    turns: dict[bytes, Floats] = {}
+    frames = []
+    for pose, lit in world.frames:
+        if pose.tobytes() not in turns:
+            turns[pose.tobytes()] = np.eye(4)
+            turns[pose.tobytes()][:3, :3] = Rotation.from_rotvec(tolerance.poses / world.focal * rng.standard_normal(3)).as_matrix()
+        frames.append((pose @ turns[pose.tobytes()], lit))
+    return replace(world, lights=lights, frames=tuple(frames))
 
 
 def _with_scales(believed: World, true: World) -> World:

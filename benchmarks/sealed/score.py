@@ -61,9 +61,9 @@ def judge(trial: str, answer: dict, affected: NDArray[np.bool_], folder: Path, s
     elif kind == "unlisted":
         exact = in_sets = found["verdict"] in ("unexplained", "partly_explained")
     else:
-        exact = all(_in(w, named) for w in wanted) and all(_in(n, wanted) for n in named)
+        exact = all(is_named(w, named) for w in wanted) and all(is_named(n, wanted) for n in named)
         small = all(len(s) <= _LARGEST_SET for s in sets) and len(sets) <= len(wanted)
-        in_sets = exact or (small and all(any(_in(w, s) for s in sets) for w in wanted))
+        in_sets = exact or (small and all(any(is_named(w, s) for s in sets) for w in wanted))
     with np.load(folder / "affected.npz") as arrays:
         overlap = intersection_over_union(arrays["affected"], affected)
     held = found.get("held_out", {})
@@ -71,7 +71,8 @@ def judge(trial: str, answer: dict, affected: NDArray[np.bool_], folder: Path, s
     return Verdict(trial, kind, wanted, named, found["verdict"], exact, in_sets, overlap, chi2, seconds)
 
 
-def _in(id: str, others: tuple[str, ...] | set[str]) -> bool:
+def is_named(id: str, others: tuple[str, ...] | set[str]) -> bool:
+    """Return whether an id, or one that counts as the same answer, is among others."""
     return id in others or any(id in group and group & set(others) for group in EQUAL)
 
 

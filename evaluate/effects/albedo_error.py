@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from scene.simulation import Simulation
+
 from ..mismatch.case import Case
+from ..mismatch.corrections import as_map, material_on, resized, with_material
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
 from ..mismatch.surface_map import region
@@ -36,3 +39,16 @@ class AlbedoError(Effect):
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         factor = np.array([values[f"factor.{c}"] for c in "rgb"])
         state.scale_albedo(1 + aux[:, None] * (factor - 1))
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        assert target is not None
+        material, field = material_on(simulation, target), as_map(case, shape_index(case, target), aux)
+        texture = material.albedo_texture
+        if texture is None:
+            texture = np.broadcast_to(np.array(material.albedo, np.float32), (*field.shape, 3))
+        texture = texture if texture.ndim == 3 else np.repeat(texture[..., None], 3, axis=2)
+        if texture.shape[0] < field.shape[0]:
+            texture = resized(texture, *field.shape)
+        factor = np.array([values[f"factor.{c}"] for c in "rgb"], np.float32)
+        painted = texture * (1 + resized(field, *texture.shape[:2])[..., None] * (factor - 1))
+        return with_material(simulation, target, albedo_texture=painted.astype(np.float32))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from scene.simulation import EnvironmentLight, Simulation
+
 from ..mismatch.case import Case
+from ..mismatch.corrections import rgb
 from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State, open_sky
 
@@ -31,3 +35,15 @@ class AmbientLight(Effect):
         radiance = np.array([values[f"radiance.{c}"] for c in "rgb"])
         state.add_ambient(open_sky(case)[:, None] * radiance)
         state.sky = state.sky + radiance
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        radiance = np.array([values[f"radiance.{c}"] for c in "rgb"])
+        lights, name = dict(simulation.lights), "ambient"
+        for known, light in lights.items():
+            if isinstance(light, EnvironmentLight):
+                name, radiance = known, radiance + light.radiance
+        # A frame that names its lamps would not have a new one among them.
+        named = [f.lights for f in case.recording.frames if f.lights is not None]
+        if any(name not in on for on in named):
+            return None
+        return replace(simulation, lights=lights | {name: EnvironmentLight(rgb(radiance))})

@@ -6,10 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from scene.simulation import Simulation
+
 from ..kernels import shade
 from ..mismatch.case import Case
+from ..mismatch.corrections import material_on, with_material
 from ..mismatch.effect import Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
+
+# So near [rad] the grain is called along dp/du.
+_ALONG = 0.05
 
 
 class Anisotropy(Effect):
@@ -43,3 +49,13 @@ class Anisotropy(Effect):
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         return {"alpha_v_over_alpha_u": {"value": float(np.exp(values["log_ratio"])), "unit": "1"}}
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        # The format has widths along and across dp/du, and no angle between.
+        turn, ratio = float(values["tangent_angle"]) % np.pi, float(np.exp(0.5 * values["log_ratio"]))
+        if min(turn, np.pi - turn) > _ALONG:
+            return None
+        assert target is not None
+        material = material_on(simulation, target)
+        u, v = (material.alpha if a is None else a for a in (material.alpha_u, material.alpha_v))
+        return with_material(simulation, target, alpha_u=u / ratio, alpha_v=v * ratio)

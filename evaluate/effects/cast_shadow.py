@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
+
+from scene.simulation import Simulation
 
 from ..mismatch.case import Case
 from ..mismatch.effect import Effect, Parameter, Values
@@ -30,3 +33,8 @@ class CastShadow(Effect):
         if len(state.ambient) and case.environment.any():
             share = 1 - values["depth"] * (1 - open_sky(case))
             state.ambient = state.ambient * share[:, None].astype("float32")
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        if abs(values["depth"] - 1) > 0.1:
+            return None
+        return replace(simulation, transport=replace(simulation.transport, shadows=True))

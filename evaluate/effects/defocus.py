@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
+
+from scene.simulation import Simulation
 
 from ..mismatch.case import Case, Floats
 from ..mismatch.effect import Effect, Parameter, Values
@@ -72,6 +75,11 @@ class Defocus(Effect):
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         return {"focus_distance": {"value": 1 / max(float(values["inverse_focus"]), 1e-9), "unit": "m"}}
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        focus = 1 / max(float(values["inverse_focus"]), 1e-9)
+        lens = replace(simulation.lens, model="thin_lens", aperture_radius=float(values["aperture_radius"]), focus_distance=focus)
+        return replace(simulation, lens=lens)
 
 
 def blurred(pictures: Floats, radius: Floats) -> Floats:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from scene.simulation import Simulation
+
 from ..kernels import shade
 from ..mismatch.case import Case
+from ..mismatch.corrections import material_on, with_material
 from ..mismatch.effect import Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
 
@@ -36,3 +39,9 @@ class FresnelGrazing(Effect):
         before, after = ((e - 1) ** 2 / (e + 1) ** 2 for e in (row[shade.ETA], values["eta"]))
         row[shade.ETA] = values["eta"]
         row[shade.LOBE] *= before / after
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        assert target is not None
+        material, eta = material_on(simulation, target), float(values["eta"])
+        before, after = ((e - 1) ** 2 / (e + 1) ** 2 for e in (material.eta, eta))
+        return with_material(simulation, target, eta=eta, specular_scale=material.specular_scale * before / after)

@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter, label
 
+from scene.simulation import Texture
+
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values
 from ..mismatch.formation import State
@@ -86,3 +88,11 @@ class LensDroplets(Effect):
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         return {"drops": {"value": len(aux), "unit": "1"}}
+
+    def stored(self, case: Case, target: str | None, aux: Any) -> Texture | None:
+        """Return the spots as rows of (column, row, radius) [px]."""
+        return np.array(aux, np.float32)[:, None, :]
+
+    def restored(self, case: Case, target: str | None, context: Context, field: Texture | None) -> Any:
+        assert field is not None
+        return [tuple(float(x) for x in spot) for spot in field.reshape(-1, field.shape[-1])[:, :3]]

@@ -6,8 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from scene.simulation import Simulation
+
 from ..kernels.fragments import LAMP_POWER
 from ..mismatch.case import Case
+from ..mismatch.corrections import with_power
 from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State
 
@@ -34,3 +37,7 @@ class LightColour(Effect):
         for i, name in enumerate(case.lamp_names):
             for k, c in enumerate("rgb"):
                 state.lamps[i, LAMP_POWER + k] *= np.exp(values.get(f"log_factor.{name}.{c}", 0.0))
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        factors = {name: np.exp([values.get(f"log_factor.{name}.{c}", 0.0) for c in "rgb"]) for name in case.lamp_names}
+        return with_power(simulation, factors)

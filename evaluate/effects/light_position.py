@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from scene.simulation import DirectionalLight, PointLight, Simulation
+
 from ..kernels.fragments import LAMP_KIND, LAMP_PLACE, POINT
 from ..mismatch.case import Case
+from ..mismatch.corrections import rgb
 from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State, relight
 
@@ -41,3 +45,13 @@ class LightPosition(Effect):
             d = [values.get(f"{a}.{name}", 0.0) for a in ("dx", "dy", "dz")]
             state.lamps[i, LAMP_PLACE : LAMP_PLACE + 3] += d
         relight(case, state)
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        lights = dict(simulation.lights)
+        for name in case.lamp_names:
+            light, d = lights[name], np.array([values.get(f"{a}.{name}", 0.0) for a in ("dx", "dy", "dz")])
+            if isinstance(light, PointLight):
+                lights[name] = replace(light, position=rgb(np.array(light.position) + d))
+            elif isinstance(light, DirectionalLight):
+                lights[name] = replace(light, direction=rgb(np.array(light.direction) - d))
+        return replace(simulation, lights=lights)

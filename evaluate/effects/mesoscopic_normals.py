@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from scene.simulation import Texture
+
 from ..mismatch.case import Case
+from ..mismatch.corrections import as_map, from_map
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State, develop, radiance
 from ..mismatch.surface_map import BINS, bins, gathered, looked_up, pieces_of
@@ -68,3 +71,9 @@ class MesoscopicNormals(Effect):
         own = np.any(aux != 0, axis=1)
         slope = float(values["strength"]) * float(np.sqrt((aux[own] ** 2).mean())) if own.any() else 0.0
         return {"rms_slope": {"value": slope, "unit": "1"}}
+
+    def stored(self, case: Case, target: str | None, aux: Any) -> Texture | None:
+        return as_map(case, shape_index(case, target), aux)
+
+    def restored(self, case: Case, target: str | None, context: Context, field: Texture | None) -> Any:
+        return from_map(case, shape_index(case, target), field, 2)

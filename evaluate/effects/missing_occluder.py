@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from scene.simulation import Texture
+
 from ..kernels import shadows
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values
@@ -86,3 +88,6 @@ class MissingOccluder(Effect):
             eyes(case), angle, sight(case), distance, frame, case.slots, state.lamps, centre, radius, seen, light
         )  # fmt: skip
         state.veil(np.repeat(seen[:, None], 3, 1), light * np.array([values[f"albedo.{c}"] for c in "rgb"]))
+
+    def restored(self, case: Case, target: str | None, context: Context, field: Texture | None) -> Any:
+        return None  # its first guesses alone are prepared

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from scene.simulation import Texture
+
 from ..mismatch.case import Case, Floats
 from ..mismatch.effect import Context, Values
 from ..mismatch.formation import State
@@ -83,3 +85,6 @@ class MotionBlur(PoseError):
             return out
 
         state.lens.append(smear)
+
+    def restored(self, case: Case, target: str | None, context: Context, field: Texture | None) -> Any:
+        return None  # its first guess alone is prepared

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ..mismatch.case import Case
+from scene.simulation import Simulation
+
+from ..mismatch.case import Case, moved_mesh
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
 from ..mismatch.warp import TWIST, first_piece, typical_distance
@@ -66,6 +70,9 @@ class MovedObject(Effect):
                 flow[i, f] = np.where(inside[..., None], full[tuple(nearest)], 0)
         return {"flow": flow} if np.any(flow) else False
 
+    def of_frames(self, aux: Any, frames: NDArray[np.int64]) -> Any:
+        return {"flow": aux["flow"][:, frames]}
+
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         twist = np.array([values[n] for n in TWIST])
         assert target is not None
@@ -87,3 +94,8 @@ class MovedObject(Effect):
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         shift = float(np.linalg.norm([values[n] for n in TWIST[3:]]))
         return {"shift": {"value": shift, "unit": "m"}}
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        twist = np.array([float(values[n]) for n in TWIST])
+        moved = (replace(s, mesh=moved_mesh(s.mesh, twist)) if s.name == target else s for s in simulation.shapes)
+        return replace(simulation, shapes=tuple(moved))

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from scene.simulation import DirectionalLight, PointLight, Simulation
+
 from ..kernels.fragments import DIRECTIONAL, LAMP_KIND, LAMP_PLACE, LAMP_POWER, POINT
 from ..mismatch.case import Case
+from ..mismatch.corrections import rgb
 from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State, relight
 
@@ -43,3 +47,11 @@ class NearFieldLight(Effect):
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         return {"distance": {"value": 1 / max(float(values["inverse_distance"]), 1e-9), "unit": "m"}}
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        distance, lights = 1 / max(float(values["inverse_distance"]), 1e-9), dict(simulation.lights)
+        for name, light in lights.items():
+            if isinstance(light, DirectionalLight):
+                at = -distance * np.array(light.direction) / np.linalg.norm(light.direction)
+                lights[name] = PointLight(rgb(at), rgb(distance**2 * np.array(light.irradiance)))
+        return replace(simulation, lights=lights)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+
+from scene.simulation import Simulation
 
 from ..mismatch.case import Case
 from ..mismatch.effect import Effect, Parameter, Values
@@ -32,3 +35,10 @@ class Saturation(Effect):
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         level = np.float32(values["level"])
         state.sensor.append(lambda p: np.minimum(p, level))
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        exposures = {f.exposure for f in case.recording.frames}
+        if len(exposures) > 1:
+            return None
+        level = float(values["level"]) * exposures.pop()
+        return replace(simulation, sensor=replace(simulation.sensor, saturation=level))

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from scene.simulation import Simulation
+
 from ..kernels import shade
 from ..mismatch.case import Case
+from ..mismatch.corrections import with_material
 from ..mismatch.effect import Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
 
@@ -36,3 +39,8 @@ class SpecularLobe(Effect):
         row = state.surfaces[shape_index(case, target)]
         row[shade.LOBE] = values["specular_scale"]
         row[shade.ALPHA_U] = row[shade.ALPHA_V] = values["alpha"]
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        lobe = {"model": "ggx", "specular_scale": float(values["specular_scale"]), "alpha": float(values["alpha"])}
+        assert target is not None
+        return with_material(simulation, target, **lobe, alpha_u=None, alpha_v=None)

@@ -6,8 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from scene.simulation import Texture
+
 from ..kernels import shade
 from ..mismatch.case import Case
+from ..mismatch.corrections import as_map, from_map
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
 from ..mismatch.surface_map import region
@@ -46,3 +49,9 @@ class SurfaceWetness(Effect):
         row = state.surfaces[shape_index(case, target)]
         # Water: 1.33 over air.
         row[shade.LOBE3], row[shade.ALPHA3], row[shade.ETA3] = values["specular_scale"], values["alpha"], 1.33
+
+    def stored(self, case: Case, target: str | None, aux: Any) -> Texture | None:
+        return as_map(case, shape_index(case, target), aux)
+
+    def restored(self, case: Case, target: str | None, context: Context, field: Texture | None) -> Any:
+        return from_map(case, shape_index(case, target), field, 1)[:, 0]

@@ -1,6 +1,7 @@
 """What each pixel sees, gathered to be shaded again and again: pieces of surface with their share of the pixel."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit, prange
@@ -8,7 +9,7 @@ from numba import njit, prange
 from materials.kernels.frames import dot, normalize
 from materials.kernels.kinds import EMISSION
 from transport.kernels.arrays import ALBEDO_TEXTURE
-from transport.kernels.optics import camera_ray
+from transport.kernels.optics import camera_ray, undistort
 from transport.kernels.rays import intersect, occluded, ray_buffer
 from transport.kernels.shading import cross, hit_at, leave, tangent
 from transport.kernels.textures import lookup
@@ -23,6 +24,27 @@ NUM_SUMS = 24
 LAMP_KIND, LAMP_PLACE, LAMP_POWER = 0, 1, 4
 DIRECTIONAL, POINT = 0.0, 1.0
 NUM_LAMP = 7
+
+
+class Bend(NamedTuple):
+    """Distortion of a lens (Brown-Conrady) and the intrinsics that it is defined by."""
+
+    k1: float
+    k2: float
+    p1: float
+    p2: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+
+
+@njit(cache=True)
+def _ray(camera, bend, x, y):
+    if bend.k1 != 0.0 or bend.k2 != 0.0 or bend.p1 != 0.0 or bend.p2 != 0.0:
+        u, v = undistort(bend, (x - bend.cx) / bend.fx, (y - bend.cy) / bend.fy)
+        x, y = u * bend.fx + bend.cx, v * bend.fy + bend.cy
+    return camera_ray(camera, x, y)
 
 
 @njit(cache=True)
@@ -45,7 +67,7 @@ def _lit(world, buffer, s, lamps, i, p, ng):
 
 
 @njit(cache=True, parallel=True)
-def gather(world, camera, pixels, n, lamps, lit_by, shape, count, sums, visible):
+def gather(world, camera, bend, pixels, n, lamps, lit_by, shape, count, sums, visible):
     """Look through n x n points of each pixel.
 
     `lit_by` are the rows of `lamps` that are on. Filled, per pixel and piece: `shape` (-1 is beyond the world), `count` of
@@ -58,7 +80,7 @@ def gather(world, camera, pixels, n, lamps, lit_by, shape, count, sums, visible)
         for j in range(n):
             for i in range(n):
                 x, y = col + (i + 0.5) / n, row + (j + 0.5) / n
-                o, d = camera_ray(camera, x, y)
+                o, d = _ray(camera, bend, x, y)
                 face, t, b1, b2 = intersect(
                     world.static_scene, world.dynamic_scene, world.num_static_faces,
                     buffer, s, o[0], o[1], o[2], d[0], d[1], d[2], np.inf,
@@ -133,7 +155,7 @@ def visibility(world, rows, position, face_normal, across, down, lamp_of, lamps,
 
 
 @njit(cache=True, parallel=True)
-def extents(camera, pixel, position, face_normal, across, down):
+def extents(camera, bend, pixel, position, face_normal, across, down):
     """Span each piece: how its point on the plane of the surface moves from one pixel to the next, right and down."""
     for q in prange(pixel.shape[0]):
         row, col = pixel[q] // camera.width, pixel[q] % camera.width
@@ -148,7 +170,7 @@ def extents(camera, pixel, position, face_normal, across, down):
                     x += side - 0.5
                 else:
                     y += side - 0.5
-                o, d = camera_ray(camera, x, y)
+                o, d = _ray(camera, bend, x, y)
                 # Seen nearly edge on, a piece is as long as it is seen at 5 degrees.
                 slope = min(dot(d, ng), -0.087)
                 t = ((p[0] - o[0]) * ng[0] + (p[1] - o[1]) * ng[1] + (p[2] - o[2]) * ng[2]) / slope

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from .case import Case, Floats, subset
 from .effect import Context, Effect, Term, shape_index
 from .locate import largest_tile, structure
 from .settle import needs_settling, settle
-from .solve import Fit, context, fit, held_out, predict
+from .solve import Fit, context, derivatives, fit, held_out, predict
 from .surface_map import refined_mask
 from .warp import first_piece
 
@@ -209,12 +209,13 @@ def _extend(
     if model.effects and model.excess + _SLACK < least:
         return []
     frames = spread_frames(case, settings.screen_frames)
-    small = subset(case, frames) if len(frames) < case.num_frames else case
+    small = _few(case, frames) if len(frames) < case.num_frames else case
     have = {t.key for t in model.effects}
     small_weight = weight[frames]
     small_base = fit(small, small_weight, _carried(case, small, frames, model.terms), 2)
     small_model = assess(small, small_weight, small_base)
     about = context(small, small_weight, small_base)
+    known = derivatives(small, small_base.terms, small_base.columns, *predict(small, small_base.terms))
     tried: list[tuple[float, Effect, str | None, Fit]] = []
     pairs = [(e, t) for e in effects for t in e.targets(case) if (e.id, t) not in have]
     n = float((small_weight > 0).sum())
@@ -225,7 +226,7 @@ def _extend(
         if effect.id in joint and joint[effect.id] < settings.follow * best:
             continue
         promise = max(settings.follow * best, 0.3 * settings.least_gain) * n
-        fitted = _try(small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - promise)
+        fitted = _try(small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - promise, known=known)
         if fitted is None or fitted.iterations == 0:
             gain = 0.0
         else:
@@ -255,6 +256,11 @@ def _extend(
     return out
 
 
+def _few(case: Case, frames: NDArray) -> Case:
+    small = subset(case, frames)
+    return replace(small, given=tuple(_carried(case, small, frames, list(case.given))), cache={})
+
+
 def _carried(case: Case, small: Case, frames: NDArray, terms: list[Term]) -> list[Term]:
     """Return terms for a subset of the frames: what was prepared for pieces and frames is cut to them."""
     out = []
@@ -270,7 +276,8 @@ def _carried(case: Case, small: Case, frames: NDArray, terms: list[Term]) -> lis
             elif p.per == "pose":
                 v = np.array([np.asarray(v)[case.pose[frames[small.pose == g][0]]] for g in range(small.pose.max() + 1)])
             values[p.name] = v
-        out.append(Term(t.effect, t.target, _cut(t.aux, keep, new_row), t.parameters, values))
+        aux = t.effect.of_frames(t.aux, frames)
+        out.append(Term(t.effect, t.target, _cut(aux, keep, new_row), t.parameters, values))
     return out
 
 
@@ -292,7 +299,7 @@ def _cut(aux, keep: NDArray[np.bool_], new_row: NDArray):
 
 def _try(
     case: Case, weight: Floats, base: Fit, about: Context, effect: Effect, target: str | None, iterations: int,
-    guess: Term | None = None, hopeless: float = np.inf,
+    guess: Term | None = None, hopeless: float = np.inf, known: NDArray[np.float32] | None = None,
 ) -> Fit | None:  # fmt: skip
     """Return the fit of a model with one effect more, from the best of its first guesses; None where it has no place."""
     aux = effect.prepare(case, target, about)
@@ -306,15 +313,15 @@ def _try(
     best = None
     for s in starts:
         term = Term(effect, target, aux, parameters, {k: np.asarray(v, float) for k, v in s.items()})
-        fitted = fit(case, weight, [*base.terms, term], 2 if len(starts) > 1 else iterations, hopeless=hopeless)
+        fitted = fit(case, weight, [*base.terms, term], 2 if len(starts) > 1 else iterations, hopeless=hopeless, known=known)
         if fitted.iterations == 0 and best is not None:
             continue
         if best is None or best.iterations == 0 or fitted.total < best.total:
             best = fitted
     if best is not None and best.iterations > 0 and len(starts) > 1:
-        best = fit(case, weight, best.terms, iterations)
+        best = fit(case, weight, best.terms, iterations, known=known)
     if best is not None and guess is not None and effect.on_region:
-        best = _with_better_mask(case, weight, best)
+        best = with_better_masks(case, weight, best)
     if best is not None and guess is not None and effect.prepares_again:
         terms = [t.copy() for t in best.terms]
         terms[-1].aux = effect.prepare(case, target, context(case, weight, best))
@@ -323,23 +330,25 @@ def _try(
     return best
 
 
-def _with_better_mask(case: Case, weight: Floats, fitted: Fit, rounds: int = 3) -> Fit:
-    """Return the fit with the mask of its last term refined, as long as that helps."""
-    for _ in range(rounds):
-        terms = [t.copy() for t in fitted.terms]
-        last, eps = terms[-1], np.float32(0.05)
-        shape, mask = shape_index(case, last.target), last.aux
-        last.aux = np.where(case.pieces.shape == shape, mask - np.sign(mask - 0.5) * eps, 0).astype(np.float32)
-        step = np.where(mask > 0.5, -eps, eps)
-        changed = predict(case, terms)[2]
-        # A pixel is mostly one piece: that piece's step is the pixel's.
-        by = step[first_piece(case)].reshape(*case.valid.shape, 1)
-        derivative = ((changed - fitted.picture) / by).astype(np.float32)
-        last.aux = refined_mask(case, shape, mask, context(case, weight, fitted), derivative)
-        better = fit(case, weight, terms, 4)
-        if better.total > 0.999 * fitted.total:
-            return better if better.total < fitted.total else fitted
-        fitted = better
+def with_better_masks(case: Case, weight: Floats, fitted: Fit, rounds: int = 3) -> Fit:
+    """Return the fit with the masks of its terms refined, each as long as that helps."""
+    for key in [t.key for t in fitted.terms if t.effect.on_region]:
+        for _ in range(rounds):
+            terms = [t.copy() for t in fitted.terms]
+            term, eps = next(t for t in terms if t.key == key), np.float32(0.05)
+            shape, mask = shape_index(case, term.target), term.aux
+            term.aux = np.where(case.pieces.shape == shape, mask - np.sign(mask - 0.5) * eps, 0).astype(np.float32)
+            step = np.where(mask > 0.5, -eps, eps)
+            changed = predict(case, terms)[2]
+            # A pixel is mostly one piece: that piece's step is the pixel's.
+            by = step[first_piece(case)].reshape(*case.valid.shape, 1)
+            derivative = ((changed - fitted.picture) / by).astype(np.float32)
+            term.aux = refined_mask(case, shape, mask, context(case, weight, fitted), derivative)
+            better = fit(case, weight, terms, 4)
+            done = better.total > 0.999 * fitted.total
+            fitted = better if better.total < fitted.total else fitted
+            if done:
+                break
     return fitted
 
 

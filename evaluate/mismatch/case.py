@@ -40,11 +40,14 @@ class Settled:
         Of each camera, see `warp.twist_flow`.
     moves : dict of (6,) float64
         Turn about its centre and shift of shapes, in the world.
+    bend : (2,) float64 or None
+        What has been added to k1 and k2 of the lens.
     """
 
     lamps: NDArray[np.float64] | None = None
     twist: NDArray[np.float64] | None = None
     moves: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    bend: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
@@ -66,6 +69,8 @@ class Case:
         Rows of `lamps` lit in each frame, -1 for none.
     sky : (F,) bool
         Whether the environment is on in a frame.
+    given : tuple of Term
+        What the simulation believes besides shapes, materials and lights, see `effects.given`.
     block, pose, lit : (F,) int64
         Numbers of equal (pose, lamps), of equal poses, of equal lamps: repeats share one.
     """
@@ -86,6 +91,7 @@ class Case:
     noise: Noise
     noise_estimated: bool = False
     notes: tuple[str, ...] = ()
+    given: tuple = ()
     settled: Settled = field(default_factory=lambda: Settled())
     cache: dict = field(default_factory=dict, compare=False, repr=False)
 
@@ -130,9 +136,12 @@ class Case:
     @property
     def gathered_cameras(self) -> tuple[Camera, ...]:
         """The cameras that the pieces were seen from."""
-        if self.settled.twist is None:
-            return self.cameras
-        return tuple(c.moved_to(c.T_world_camera @ motion(t)) for c, t in zip(self.cameras, self.settled.twist, strict=True))
+        cameras, twist, bend = self.cameras, self.settled.twist, self.settled.bend
+        if bend is not None:
+            cameras = tuple(bent(c, *bend) for c in cameras)
+        if twist is not None:
+            cameras = tuple(c.moved_to(c.T_world_camera @ motion(t)) for c, t in zip(cameras, twist, strict=True))
+        return cameras
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -147,6 +156,13 @@ class Case:
     def material_of(self, shape: int):
         """Return the believed material of a shape."""
         return self.simulation.materials[self.world.shapes[shape].material]
+
+
+def bent(camera: Camera, k1: float, k2: float) -> Camera:
+    """Return a camera whose lens distorts by so much more; one of parallel projection stays as it is."""
+    if camera.model == "ORTHOGRAPHIC" or (k1 == 0 and k2 == 0):
+        return camera
+    return replace(camera, model="OPENCV", k1=camera.k1 + float(k1), k2=camera.k2 + float(k2))
 
 
 def motion(twist: NDArray) -> NDArray[np.float64]:
@@ -221,7 +237,7 @@ def _build(recording: Recording, simulation: Simulation) -> Case:
         pictures,
         valid,
         sensor_variance(pictures, noise, [f.exposure for f in recording.frames]),
-        tuple(f.camera for f in recording.frames),
+        tuple(bent(f.camera, simulation.lens.k1, simulation.lens.k2) for f in recording.frames),
         tuple(names),
         lamp_table(simulation, names),
         slots,

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from ..effects.catalogue import catalogue
+from ..effects.given import with_given
 from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, search
 from .calibrate import calibrate, free_term, weigh
 from .case import Case, Floats
@@ -95,6 +97,7 @@ def diagnose(
         Told what is going on, line by line.
     """
     settings = settings or SearchSettings()
+    case = with_given(case, {e.id: e for e in (*catalogue(), *effects)})
     say(f"{case.num_frames} frames, {len(np.unique(case.pose))} views, {len(np.unique(case.lit))} lights")
     fitted, weight = calibrate(case)
     fitted = fit(case, weight, fitted.terms, 8)

@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.simulation import Simulation, Texture
+
 from .case import Case, Floats
 from .formation import State
 
@@ -129,6 +131,10 @@ class Effect:
         """Return what `change` needs besides the parameters, found once before the fit; False: nothing of it is to be seen."""
         return None
 
+    def of_frames(self, aux: Any, frames: NDArray[np.int64]) -> Any:
+        """Return what `prepare` gave cut to some frames; arrays with a row a piece are cut by the caller."""
+        return aux
+
     def starts(self, case: Case, target: str | None, aux: Any) -> list[dict[str, float]]:
         """Return first guesses that replace those of the parameters; the fit goes on from the best."""
         return [{}]
@@ -136,6 +142,18 @@ class Effect:
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         """Change the supposed world."""
         raise NotImplementedError
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        """Return the simulation with the effect in its fields; None where they do not hold it: then `effects` does."""
+        return None
+
+    def stored(self, case: Case, target: str | None, aux: Any) -> Texture | None:
+        """Return the map, (H, W) or (H, W, C), that is stored with the effect, if it needs one besides its parameters."""
+        return None
+
+    def restored(self, case: Case, target: str | None, context: Context, field: Texture | None) -> Any:
+        """Return what `prepare` gave when the effect was found, from the map that was stored."""
+        return self.prepare(case, target, context)
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         """Return further figures for the report, by name."""

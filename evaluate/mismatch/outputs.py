@@ -14,6 +14,7 @@ from scene.simulation import AddedEffect, Simulation
 from scene.simulation_file import write_simulation
 
 from .diagnose import Diagnosis
+from .effect import STAGES
 from .pictures.case import PictureCase
 from .report import sentence, write_report
 from .solve import by_frame
@@ -83,18 +84,24 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
 
 
 def corrected(d: Diagnosis) -> Simulation:
-    """Return the simulation with the fitted free parameters, and with what was found as `effects`."""
+    """Return the simulation with the fitted free parameters and with what was found: in its own fields, else as `effects`."""
     simulation = d.case.simulation
     materials = dict(simulation.materials)
     for key, value in d.best.terms[0].values.items():
         name, _, material = key.partition(".")
         materials[material] = replace(materials[material], **{name: float(value)})
-    added = []
-    for t in d.best.effects:
-        values = {k: v.tolist() if isinstance(v, np.ndarray) else float(v) for k, v in by_frame(d.case, t).items()}
-        added.append(AddedEffect(t.effect.id, t.target, values))
-    added += [AddedEffect("noise_model", None, {"sigma_factor": d.noise_factor}) for f in d.findings if f.id == "noise_model"]
-    return replace(simulation, materials=materials, effects=(*simulation.effects, *added))
+    simulation = replace(simulation, materials=materials)
+    for t in sorted(d.best.effects, key=lambda t: STAGES.index(t.effect.stage)):
+        values = by_frame(d.case, t)
+        fields = t.effect.corrected(d.best.case, simulation, values, t.target, t.aux)
+        if fields is None:
+            plain: dict[str, Any] = {k: v.tolist() if isinstance(v, np.ndarray) else float(v) for k, v in values.items()}
+            field = t.effect.stored(d.best.case, t.target, t.aux)
+            added = AddedEffect(t.effect.id, t.target, plain if field is None else plain | {"map": field})
+            fields = replace(simulation, effects=(*simulation.effects, added))
+        simulation = fields
+    noise = [AddedEffect("noise_model", None, {"sigma_factor": d.noise_factor}) for f in d.findings if f.id == "noise_model"]
+    return replace(simulation, effects=(*simulation.effects, *noise))
 
 
 def _finite(x: float) -> float | None:

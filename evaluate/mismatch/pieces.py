@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -104,8 +104,10 @@ def gather(
 
 
 def _frame(world: World, camera: Camera, lamps: NDArray, lit_by: NDArray) -> dict[str, NDArray]:
-    view, size = compile_camera(camera), camera.width * camera.height
-    coarse = _look(world, view, np.arange(size), _COARSE, lamps, lit_by)
+    straight = camera if camera.model == "ORTHOGRAPHIC" else replace(camera, model="PINHOLE", k1=0.0, k2=0.0, p1=0.0, p2=0.0)
+    view, size = compile_camera(straight), camera.width * camera.height
+    bend = kernel.Bend(camera.k1, camera.k2, camera.p1, camera.p2, camera.fx, camera.fy, camera.cx, camera.cy)
+    coarse = _look(world, view, bend, np.arange(size), _COARSE, lamps, lit_by)
     mixed = (coarse["shape"][:, 1] != _NONE) | np.any(
         (coarse["visible"] > 0) & (coarse["visible"] < coarse["count"][..., None]), axis=(1, 2)
     )
@@ -121,17 +123,17 @@ def _frame(world: World, camera: Camera, lamps: NDArray, lit_by: NDArray) -> dic
         pad[axis] = (1, 0)
         edge = edge | np.pad(differs, pad)
     edge = binary_dilation(edge).ravel()
-    fine = _look(world, view, np.flatnonzero(edge), _FINE, lamps, lit_by)
+    fine = _look(world, view, bend, np.flatnonzero(edge), _FINE, lamps, lit_by)
     for name, values in coarse.items():
         values[edge] = fine[name]
     points = np.where(edge, _FINE**2, _COARSE**2)
-    return _compress(coarse, points, edge, camera, view)
+    return _compress(coarse, points, edge, camera, view, bend)
 
 
 _NONE = -2
 
 
-def _look(world: World, view, pixels: NDArray, n: int, lamps: NDArray, lit_by: NDArray) -> dict[str, NDArray]:
+def _look(world: World, view, bend: kernel.Bend, pixels: NDArray, n: int, lamps: NDArray, lit_by: NDArray) -> dict[str, NDArray]:
     m, g = len(pixels), kernel.MAX_PIECES
     out = {
         "shape": np.full((m, g), _NONE, np.int32),
@@ -139,11 +141,13 @@ def _look(world: World, view, pixels: NDArray, n: int, lamps: NDArray, lit_by: N
         "sums": np.zeros((m, g, kernel.NUM_SUMS), np.float64),
         "visible": np.zeros((m, g, len(lit_by)), np.float32),
     }
-    kernel.gather(world.arrays, view, pixels, n, lamps, lit_by, out["shape"], out["count"], out["sums"], out["visible"])
+    kernel.gather(world.arrays, view, bend, pixels, n, lamps, lit_by, out["shape"], out["count"], out["sums"], out["visible"])
     return out
 
 
-def _compress(looked: dict[str, NDArray], points: NDArray, edge: NDArray, camera: Camera, view) -> dict[str, NDArray]:
+def _compress(
+    looked: dict[str, NDArray], points: NDArray, edge: NDArray, camera: Camera, view, bend: kernel.Bend
+) -> dict[str, NDArray]:
     held = looked["count"] > 0
     pixel = np.nonzero(held)[0]
     count = looked["count"][held].astype(np.float64)
@@ -161,7 +165,7 @@ def _compress(looked: dict[str, NDArray], points: NDArray, edge: NDArray, camera
         towards = camera.position - position
         towards = towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-12)
     across, down = np.zeros_like(position), np.zeros_like(position)
-    kernel.extents(view, pixel, position, face_normal, across, down)
+    kernel.extents(view, bend, pixel, position, face_normal, across, down)
     first = looked["sums"][held]
     uv = first[:, kernel.UV : kernel.UV + 2]
     floats = {

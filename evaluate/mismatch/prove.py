@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .attribute import Model
+from .attribute import Model, with_better_masks
+from .calibrate import weigh
 from .case import Case, Floats
+from .settle import prepared
 from .solve import fit, halves, predict
 
 _SHARE = 0.25
@@ -91,6 +93,13 @@ def _whole(case: Case, frames: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def _refitted(model: Model, unseen: NDArray[np.bool_]) -> Floats:
+    """Return the picture of the model fitted anew, maps and masks of its effects found anew too, without the unseen pixels."""
+
+    def weigh_seen(case: Case, picture: Floats) -> Floats:
+        return np.where(unseen[..., None], 0, weigh(case, picture)).astype(np.float32)
+
     weight = np.where(unseen[..., None], 0, model.weight).astype(np.float32)
-    fitted = fit(model.case, weight, model.terms, 6)
+    fitted = fit(model.case, weight, prepared(model.case, model.terms, weigh_seen), 6)
+    if any(t.effect.on_region for t in fitted.terms):
+        fitted = with_better_masks(model.case, weight, fitted)
     return predict(model.case, fitted.terms)[2]

@@ -20,14 +20,22 @@ def needs_settling(terms: list[Term]) -> bool:
 def settled_case(case: Case, terms: list[Term]) -> Case:
     """Return the case with its pieces gathered where the terms have moved things to."""
     lamps = predict(case, terms)[0].lamps
-    twist, moves = None, {}
+    twist, moves, bend = None, {}, None
     for t in terms:
         if t.effect.id == "pose_error":
             values = by_frame(case, t)
             twist = np.stack([values[n] for n in TWIST], axis=1)
         elif t.effect.id == "moved_object" and t.target is not None:
             moves[t.target] = np.array([float(t.values[n]) for n in TWIST])
-    return replace(case, settled=Settled(lamps, twist, moves), cache={})
+        elif t.effect.id == "lens_distortion":
+            bend = np.array([float(t.values[n]) for n in ("k1", "k2")])
+    moved = replace(case, settled=Settled(lamps, twist, moves, bend), given=(), cache={})
+    given: list[Term] = []
+    for t in case.given:
+        moved = replace(moved, given=tuple(given))
+        about = context(moved, moved.variance * 0, fit(moved, moved.variance * 0, [], 0))
+        given.append(replace(t, aux=t.effect.restored(moved, t.target, about, t.effect.stored(case, t.target, t.aux))))
+    return replace(moved, given=tuple(given))
 
 
 def settle(case: Case, terms: list[Term], weigh, rounds: int = 3) -> tuple[Case, Floats, Fit]:

@@ -55,7 +55,7 @@ def predict(
     case: Case, terms: list[Term], base: tuple[State, Floats] | None = None, kept_visible: Floats | None = None
 ) -> tuple[State, Floats, Floats]:
     """Return (state, radiance, picture) of a model; with `base` = (state, radiance) only what is done to pictures is redone."""
-    ordered = sorted(terms, key=lambda t: STAGES.index(t.effect.stage))
+    ordered = sorted([*case.given, *terms], key=lambda t: STAGES.index(t.effect.stage))
     if base is None:
         state = _start(case).copy()
         state.kept_visible = kept_visible
@@ -87,8 +87,9 @@ def by_frame(case: Case, term: Term) -> dict[str, Any]:
 
 
 def fit(
-    case: Case, weight: Floats, terms: list[Term], iterations: int = 12, tolerance: float = 1e-4, hopeless: float = np.inf
-) -> Fit:
+    case: Case, weight: Floats, terms: list[Term], iterations: int = 12, tolerance: float = 1e-4, hopeless: float = np.inf,
+    known: NDArray[np.float32] | None = None,
+) -> Fit:  # fmt: skip
     """Fit all parameters of all terms, from the values that they have.
 
     Parameters
@@ -99,6 +100,9 @@ def fit(
         Stop when a step lowers chi-square by less than this share, and by less than one unit a parameter.
     hopeless : float
         Stop at once if even three times the first step's expected gain does not bring chi-square below this.
+    known : (K, F, H, W, 3) float32, optional
+        Derivatives by the first K parameters, near enough for a first trial: only the others are differentiated, and at the
+        end those of the last step are used again.
     """
     terms = [t.copy() for t in terms]
     for t in terms:
@@ -115,9 +119,12 @@ def fit(
     for done in range(iterations):
         if not columns:
             break
-        # How the picture goes with the free parameters hardly changes on the way: far from the end their derivatives stay.
-        known = jacobian if gain > 0.01 * chi2.sum() else None
-        jacobian = _jacobian(case, terms, columns, state, light, picture, known)
+        if known is None:
+            # How the picture goes with the free parameters hardly changes on the way: far from the end their derivatives stay.
+            old = jacobian[: _num_free(terms)] if jacobian is not None and gain > 0.01 * chi2.sum() else None
+            jacobian = derivatives(case, terms, columns, state, light, picture, old)
+        else:
+            jacobian = derivatives(case, terms, columns, state, light, picture, known)
         gradient, curvature = _normal_equations(case, weight, jacobian, picture)
         H, g = unknowns.assemble(gradient.sum(axis=1), curvature.sum(axis=1))
         improved = False
@@ -131,17 +138,17 @@ def fit(
             step = np.linalg.solve(H + damping * np.diag(np.diag(H)) + ridge, g)
             if 2 * g @ step - step @ H @ step < max(tolerance * chi2.sum(), 0.5 * len(H)):
                 break
-            old = [t.copy() for t in terms]
+            before = [t.copy() for t in terms]
             moved = unknowns.move(step)
             new_state, new_light, new_picture = predict(case, terms)
             new_chi2 = _chi2(case, weight, new_picture)
-            gain = chi2.sum() + unknowns.prior(old) - new_chi2.sum() - unknowns.prior(terms)
+            gain = chi2.sum() + unknowns.prior(before) - new_chi2.sum() - unknowns.prior(terms)
             if np.isfinite(gain) and gain > 0:
                 state, light, picture, chi2 = new_state, new_light, new_picture, new_chi2
                 damping, improved = max(damping / 5, 1e-9), True
                 break
-            for t, before in zip(terms, old, strict=True):
-                t.values = before.values
+            for t, kept in zip(terms, before, strict=True):
+                t.values = kept.values
             damping = max(10 * damping, 1e-3)
             if not moved:
                 break
@@ -149,7 +156,8 @@ def fit(
             break
     if columns:
         # The residual has moved on since the last derivatives were taken; its gradient has to be that of the end.
-        jacobian = _jacobian(case, terms, columns, state, light, picture)
+        if known is None or jacobian is None:
+            jacobian = derivatives(case, terms, columns, state, light, picture, known)
         gradient, curvature = _normal_equations(case, weight, jacobian, picture)
     return Fit(terms, picture, state, chi2, gradient, curvature, columns, done + 1)
 
@@ -264,14 +272,19 @@ class _Unknowns:
         return step[self.rows[frame]]
 
 
-def _jacobian(
+def _num_free(terms: list[Term]) -> int:
+    """Return how many parameters the believed model has; they come first."""
+    return sum(len(t.parameters) for t in terms if t.effect.id == "free")
+
+
+def derivatives(
     case: Case, terms: list[Term], columns: list[tuple[Term, Parameter]], state: State, light: Floats, picture: Floats,
     known: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:  # fmt: skip
-    """Return the derivatives of the picture by the columns (K, F, H, W, 3); those of free parameters may be `known`."""
+    """Return the derivatives of the picture by the columns (K, F, H, W, 3), of which the first may be known."""
     out = np.empty((len(columns), *picture.shape), np.float32)
     for k, (t, p) in enumerate(columns):
-        if known is not None and t.effect.id == "free":
+        if known is not None and k < len(known):
             out[k] = known[k]
             continue
         kept = t.values[p.name]

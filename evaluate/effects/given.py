@@ -1,0 +1,94 @@
+"""What a believed simulation holds besides shapes, materials and lights: terms of every model, with nothing to fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from materials.foundation.errors import InputError
+from scene.simulation import AddedEffect
+
+from ..mismatch.calibrate import free_term, weigh
+from ..mismatch.case import Case
+from ..mismatch.effect import Effect, Parameter, Term, groups
+from ..mismatch.solve import context, fit
+from .defocus import Defocus
+from .interreflection import Interreflection
+from .saturation import Saturation
+from .sensor_response import PowerLaw
+
+_NOT_READ = ("noise_model",)
+
+
+def with_given(case: Case, effects: dict[str, Effect]) -> Case:
+    """Return the case with what its simulation believes of bounces, lens, sensor and `effects`.
+
+    Parameters
+    ----------
+    effects : dict of Effect
+        By id: all that `effects` of a simulation may name.
+
+    Raises
+    ------
+    InputError
+        If the simulation has a medium, or an effect that is unknown, lacks a parameter, or is not to be found in the world.
+    """
+    simulation = case.simulation
+    if simulation.medium is not None:
+        remedy = "Leave it out: `participating_medium` finds it, with the light that it scatters."
+        raise InputError("be null for a diagnosis", got="a medium", key="medium", remedy=remedy)
+    wanted: list[tuple[Effect, str | None, dict[str, Any]]] = []
+    if simulation.transport.max_bounces > 1:
+        wanted.append((Interreflection(first=1), None, {"bounces": float(simulation.transport.max_bounces)}))
+    lens, sensor = simulation.lens, simulation.sensor
+    if lens.model == "thin_lens":
+        values = {"aperture_radius": lens.aperture_radius, "inverse_focus": 1 / lens.focus_distance}
+        wanted.append((Defocus(), None, values))
+    if sensor.response == "gamma":
+        wanted.append((PowerLaw(), None, {"gamma": 1 / sensor.gamma}))
+    if sensor.saturation is not None:
+        exposures = np.array([f.exposure for f in case.recording.frames])
+        wanted.append((Saturation(), None, {"level": sensor.saturation / exposures.min()}))
+    for i, added in enumerate(simulation.effects):
+        if added.id not in _NOT_READ:
+            wanted.append(_named(case, effects, added, f"effects[{i}]"))
+    given: tuple[Term, ...] = ()
+    for effect, target, values in wanted:
+        case = replace(case, given=given, cache={})
+        given = (*given, _term(case, effect, target, values))
+    return replace(case, given=given, cache={}) if given else case
+
+
+def _named(case: Case, effects: dict[str, Effect], added: AddedEffect, key: str) -> tuple[Effect, str | None, dict[str, Any]]:
+    if added.id not in effects:
+        raise InputError(f"be one of {', '.join(effects)}", got=added.id, key=f"{key}.id")
+    if added.target is not None and added.target not in (*case.shape_names, *case.simulation.lights):
+        raise InputError("name a shape or light", got=added.target, key=f"{key}.target")
+    effect = effects[added.id]
+    for p in effect.parameters(case, added.target):
+        if p.name not in added.parameters:
+            raise InputError("be given", key=f"{key}.parameters.{p.name}")
+        values = np.asarray(added.parameters[p.name], np.float64)
+        shape = () if p.per == "" else (case.num_frames,)
+        if values.shape != shape or not np.all(np.isfinite(values)):
+            raise InputError("be a number" if p.per == "" else f"be {case.num_frames} numbers", key=f"{key}.parameters.{p.name}")
+    return effect, added.target, added.parameters
+
+
+def _term(case: Case, effect: Effect, target: str | None, values: dict[str, Any]) -> Term:
+    """Return a term with its values; those per frame of a parameter per view are taken from its first frame."""
+    ready = weigh(case, fit(case, np.zeros_like(case.pictures), [free_term(case)], 0).picture)
+    aux = effect.restored(case, target, context(case, ready, fit(case, ready, [free_term(case)], 0)), values.get("map"))
+    if aux is False:
+        raise InputError("be found in this world", got=effect.id, key="effects")
+    parameters = effect.parameters(case, target)
+    return Term(effect, target, aux, parameters, {p.name: _grouped(case, p, values[p.name]) for p in parameters})
+
+
+def _grouped(case: Case, p: Parameter, value: Any) -> Any:
+    if p.per == "":
+        return np.float64(value)
+    group, values = groups(case, p.per), np.asarray(value, np.float64)
+    return np.array([values[np.flatnonzero(group == g)[0]] for g in range(group.max() + 1)])
