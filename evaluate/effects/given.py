@@ -56,9 +56,9 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
             wanted.append(_named(case, effects, added, f"effects[{i}]"))
     given: tuple[Term, ...] = ()
     for effect, target, values in wanted:
-        case = replace(case, given=given, cache={})
+        case = replace(case, believed=given, cache={})
         given = (*given, _term(case, effect, target, values))
-    return replace(case, given=given, cache={}) if given else case
+    return replace(case, believed=given, cache={}) if given else case
 
 
 def _named(case: Case, effects: dict[str, Effect], added: AddedEffect, key: str) -> tuple[Effect, str | None, dict[str, Any]]:

@@ -258,7 +258,7 @@ def _extend(
 
 def _few(case: Case, frames: NDArray) -> Case:
     small = subset(case, frames)
-    return replace(small, given=tuple(_carried(case, small, frames, list(case.given))), cache={})
+    return replace(small, believed=tuple(_carried(case, small, frames, list(case.believed))), cache={})
 
 
 def _carried(case: Case, small: Case, frames: NDArray, terms: list[Term]) -> list[Term]:
@@ -308,7 +308,8 @@ def _try(
     parameters = effect.parameters(case, target)
     starts = effect.starts(case, target, aux)
     if guess is not None:
-        whole = {p.name: guess.values[p.name] for p in parameters if p.per == ""}
+        # A lamp that is on in none of the few frames has no guess from them.
+        whole = {p.name: guess.values[p.name] for p in parameters if p.per == "" and p.name in guess.values}
         starts = [{**s, **whole} for s in starts[:1]] if whole else starts
     best = None
     for s in starts:

@@ -69,7 +69,7 @@ class Case:
         Rows of `lamps` lit in each frame, -1 for none.
     sky : (F,) bool
         Whether the environment is on in a frame.
-    given : tuple of Term
+    believed : tuple of Term
         What the simulation believes besides shapes, materials and lights, see `effects.given`.
     block, pose, lit : (F,) int64
         Numbers of equal (pose, lamps), of equal poses, of equal lamps: repeats share one.
@@ -91,7 +91,7 @@ class Case:
     noise: Noise
     noise_estimated: bool = False
     notes: tuple[str, ...] = ()
-    given: tuple = ()
+    believed: tuple = ()
     settled: Settled = field(default_factory=lambda: Settled())
     cache: dict = field(default_factory=dict, compare=False, repr=False)
 
@@ -127,6 +127,11 @@ class Case:
         moves = self.settled.moves
         shapes = [replace(s, mesh=moved_mesh(s.mesh, moves[s.name])) if s.name in moves else s for s in self.simulation.shapes]
         return compile_world(replace(self.simulation, shapes=tuple(shapes)))
+
+    @property
+    def traced(self) -> bool:
+        """Whether what the pixels see can be traced anew, things having been moved."""
+        return True
 
     @property
     def gathered_lamps(self) -> NDArray[np.float64]:

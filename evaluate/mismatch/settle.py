@@ -18,7 +18,9 @@ def needs_settling(terms: list[Term]) -> bool:
 
 
 def settled_case(case: Case, terms: list[Term]) -> Case:
-    """Return the case with its pieces gathered where the terms have moved things to."""
+    """Return the case with its pieces gathered where the terms have moved things to; given pictures stay what they are."""
+    if not case.traced:
+        return case
     lamps = predict(case, terms)[0].lamps
     twist, moves, bend = None, {}, None
     for t in terms:
@@ -29,13 +31,13 @@ def settled_case(case: Case, terms: list[Term]) -> Case:
             moves[t.target] = np.array([float(t.values[n]) for n in TWIST])
         elif t.effect.id == "lens_distortion":
             bend = np.array([float(t.values[n]) for n in ("k1", "k2")])
-    moved = replace(case, settled=Settled(lamps, twist, moves, bend), given=(), cache={})
+    moved = replace(case, settled=Settled(lamps, twist, moves, bend), believed=(), cache={})
     given: list[Term] = []
-    for t in case.given:
-        moved = replace(moved, given=tuple(given))
+    for t in case.believed:
+        moved = replace(moved, believed=tuple(given))
         about = context(moved, moved.variance * 0, fit(moved, moved.variance * 0, [], 0))
         given.append(replace(t, aux=t.effect.restored(moved, t.target, about, t.effect.stored(case, t.target, t.aux))))
-    return replace(moved, given=tuple(given))
+    return replace(moved, believed=tuple(given))
 
 
 def settle(case: Case, terms: list[Term], weigh, rounds: int = 3) -> tuple[Case, Floats, Fit]:

@@ -55,7 +55,7 @@ def predict(
     case: Case, terms: list[Term], base: tuple[State, Floats] | None = None, kept_visible: Floats | None = None
 ) -> tuple[State, Floats, Floats]:
     """Return (state, radiance, picture) of a model; with `base` = (state, radiance) only what is done to pictures is redone."""
-    ordered = sorted([*case.given, *terms], key=lambda t: STAGES.index(t.effect.stage))
+    ordered = sorted([*case.believed, *terms], key=lambda t: STAGES.index(t.effect.stage))
     if base is None:
         state = _start(case).copy()
         state.kept_visible = kept_visible

@@ -102,6 +102,10 @@ class PictureCase(Case):
         return [self.layers[f.name][key] for f in self.recording.frames]
 
     @property
+    def traced(self) -> bool:
+        return False
+
+    @property
     def untestable(self) -> dict[str, str]:
         return self.reasons
 

@@ -69,8 +69,8 @@ def test_what_is_believed_of_lens_and_sensor_is_predicted(tmp_path):
     made = recorded(tmp_path, replace(simulation(), lens=Lens(k1=0.1)), {})
     plain = with_given(build(made.recording, simulation()), {})
     given = with_given(build(made.recording, believed), {})
-    assert plain.given == ()
-    assert [t.effect.id for t in given.given] == ["sensor_response", "saturation"]
+    assert plain.believed == ()
+    assert [t.effect.id for t in given.believed] == ["sensor_response", "saturation"]
     assert given.cameras[0].k1 == 0.1
     assert chi2(build(made.recording, replace(simulation(), lens=Lens(k1=0.1)))) < 1.05
 
@@ -80,7 +80,7 @@ def test_believed_bounces_are_in_the_picture(tmp_path):
     direct = build(made.recording, simulation())
     bounced = with_given(build(made.recording, replace(simulation(), transport=Transport(4))), {})
     pictures = [calibrate(c)[0].picture for c in (direct, bounced)]
-    assert bounced.given[0].effect.id == "interreflection"
+    assert bounced.believed[0].effect.id == "interreflection"
     assert np.all(np.isfinite(pictures[1]))
     assert float(np.abs(pictures[1] - pictures[0]).max()) > 1e-3
 
