@@ -35,7 +35,7 @@ class DriveBodies(MovedObject):
         return [None]
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
-        return (Parameter("log_gain", 0.0, -1.0, 1.0, 0.01, spread=0.2),)
+        return (Parameter("log_gain", 0.0, -1.0, 1.0, 0.01, spread=0.05),)
 
     def prepare(self, case: Case, target: str | None, context: Context) -> Any:
         """Return colour and cover (pixels, 4) of the bodies; False if none is like what the frames show."""
