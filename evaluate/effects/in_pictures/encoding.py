@@ -44,7 +44,9 @@ class PictureExposure(ExposureDrift):
         state.lens.append(lambda picture: picture * gain)
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
-        return {"gain": {"value": float(np.exp(values["log_gain"])), "unit": "1"}}
+        # The data leave open how much of what is common to all frames is written down as drift: their sum counts.
+        common = float(values["log_gain"]) + float(np.mean(values.get("log_drift", 0.0)))
+        return {"gain": {"value": float(np.exp(common)), "unit": "1"}}
 
 
 class WhiteBalance(LightColour):
