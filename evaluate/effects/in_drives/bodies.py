@@ -49,6 +49,9 @@ class DriveBodies(MovedObject):
                     out[f][own] = np.concatenate([found[own], np.ones((own.sum(), 1))], axis=1)
         return out.reshape(-1, 4) if out.any() else False
 
+    def of_frames(self, aux: Any, frames: NDArray[np.int64]) -> Any:
+        return aux  # one row a pixel
+
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         layer = aux.reshape(*case.valid.shape, 4)
         body, cover = layer[..., :3] * np.float32(np.exp(values["log_gain"])), layer[..., 3:]

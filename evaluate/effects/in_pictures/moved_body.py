@@ -43,6 +43,9 @@ class MovedBody(MovedObject):
     def starts(self, case: Case, target: str | None, aux: Any) -> list[dict[str, Any]]:
         return [{"shift_x": aux[:, 0], "shift_y": aux[:, 1]}]
 
+    def of_frames(self, aux: Any, frames: NDArray[np.int64]) -> Any:
+        return aux[frames]
+
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         own, nearest = _layer(case, target)
         height, width = case.size
