@@ -98,6 +98,8 @@ class Effect:
         Whether `aux` is a mask (N,) of the pieces, which is refined once the parameters are fitted.
     prepares_again : bool
         Whether `prepare` depends on the state, so that it is done again once the model has been fitted.
+    of_own_frame : bool
+        Whether what `prepare` finds is a frame's own (drops in one photograph): held-out frames keep it, and say so.
     approximation : float
         By which share of its amplitude what it predicts may be wrong: so much of it may be left over without being taken
         for another effect.
@@ -116,6 +118,7 @@ class Effect:
     settles: ClassVar[bool] = False
     on_region: ClassVar[bool] = False
     prepares_again: ClassVar[bool] = False
+    of_own_frame: ClassVar[bool] = False
     approximation: ClassVar[float] = 0.015
     on_patch: ClassVar[bool] = False
 

@@ -99,7 +99,11 @@ def _refitted(model: Model, unseen: NDArray[np.bool_]) -> Floats:
         return np.where(unseen[..., None], 0, weigh(case, picture)).astype(np.float32)
 
     weight = np.where(unseen[..., None], 0, model.weight).astype(np.float32)
-    fitted = fit(model.case, weight, prepared(model.case, model.terms, weigh_seen), 6)
+    terms = prepared(model.case, model.terms, weigh_seen)
+    kept = {t.key: t.aux for t in model.terms if t.effect.of_own_frame}
+    for t in terms:
+        t.aux = kept.get(t.key, t.aux)
+    fitted = fit(model.case, weight, terms, 6)
     if any(t.effect.on_region for t in fitted.terms):
         fitted = with_better_masks(model.case, weight, fitted)
     return predict(model.case, fitted.terms)[2]

@@ -30,6 +30,7 @@ class DriveBodies(MovedObject):
     decides = "look at the same place when nothing moves"
     settles = False
     approximation = 0.3
+    of_own_frame = True
 
     def targets(self, case: Case) -> list[str | None]:
         return [None]
