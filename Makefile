@@ -8,6 +8,8 @@ export PYTHON
 BIN := .venv/bin
 PACKAGES := materials scene transport evaluate
 CODE := $(PACKAGES) benchmarks notebooks tests tools
+# Real drives with measured disparity, for the experiments, where they are.
+DRIVES := $(wildcard $(or $(MENISCUS_DATA),../shared/data)/kitti2015_drive/*.recording.json)
 
 help:  ## print this list
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | while IFS=$$'\t' read -r name text; do printf '  make %-9s %s\n' "$$name" "$$text"; done
@@ -39,6 +41,7 @@ proof: setup  ## show what is claimed, number by number -> out/proof.jsonl
 
 experiments: setup  ## run the experiments on optical flow -> out/experiments/NAME/report.html (hours; ARGS for all of them)
 	$(BIN)/meniscus experiment true-wet -o out/experiments/true-wet $(ARGS)
+	$(BIN)/meniscus experiment wetter -o out/experiments/wetter $(if $(DRIVES),--recordings $(DRIVES)) $(ARGS)
 
 notebooks: setup  ## run the notebooks in notebooks/ (Jupyter is installed into .venv first)
 	$(BIN)/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements-notebooks.lock

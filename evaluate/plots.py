@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,8 @@ from materials.foundation.files import replacing
 from .flow_metrics import DFE_BOUNDS
 from .reflectance_aware import HeatMap
 
+Triple = tuple[float, float, float]
+Curve = tuple[list[float], list[float], list[float], list[float]]
 _BINS = np.linspace(0, 1.5, 61)
 
 
@@ -148,6 +150,62 @@ def draw_heat_map(axes: Axes, map_: HeatMap, top: float):
     axes.set_xticks(np.arange(len(map_.angle_edges))[::step] - 0.5, [f"{a:.3g}" for a in map_.angle_edges[::step]], fontsize=7)
     axes.set_yticks(ticks, [f"{e:.3g}" for e in edges], fontsize=7)
     return drawn
+
+
+def save_rise(path: str | Path, curves: Mapping[str, Mapping[str, Curve]], title: str) -> None:
+    """Write errors over the strength of effects: one field per effect, one line with its interval per algorithm.
+
+    Parameters
+    ----------
+    curves : mapping of effect to mapping of algorithm to (levels, errors, low, high)
+        [px]; NaN where there is no interval.
+    """
+    figure = Figure(figsize=(1.0 + 2.8 * len(curves), 3.8), layout="constrained")
+    grid = figure.subplots(1, len(curves), squeeze=False, sharey=True)[0]
+    for axes, (effect, lines) in zip(grid, curves.items()):
+        for i, (name, (level, error, low, high)) in enumerate(lines.items()):
+            axes.plot(level, error, color=f"C{i}", marker="o", markersize=3, label=name)
+            axes.fill_between(level, low, high, color=f"C{i}", alpha=0.15, linewidth=0)
+        axes.set_title(effect, fontsize=9)
+        axes.set_xlabel("level", fontsize=9)
+        axes.grid(axis="y", linewidth=0.4)
+    grid[0].set_ylim(bottom=0)
+    grid[0].set_ylabel("end-point error [px]")
+    _finish(figure, grid[0], title)
+    _save(figure, path)
+
+
+def save_changes(path: str | Path, bars: Mapping[str, Mapping[str, list[Triple]]], places: Sequence[str], title: str) -> None:
+    """Write what effects add to the error at each place: one field per effect, one bar with its interval per algorithm.
+
+    Parameters
+    ----------
+    bars : mapping of effect to mapping of algorithm to list of (value, low, high)
+        [px], by place; NaN is not drawn.
+    """
+    figure = Figure(figsize=(1.0 + 2.8 * len(bars), 3.8), layout="constrained")
+    grid = figure.subplots(1, len(bars), squeeze=False, sharey=True)[0]
+    for axes, (effect, found) in zip(grid, bars.items()):
+        width = 0.8 / len(found)
+        for i, (name, values) in enumerate(found.items()):
+            value, low, high = np.array(values, float).T
+            x = np.arange(len(places)) + (i - (len(found) - 1) / 2) * width
+            axes.bar(x, value, width, color=f"C{i}", label=name)
+            axes.vlines(x, low, high, color="0.2", linewidth=0.8)
+        axes.axhline(0, color="0.3", linewidth=0.8)
+        axes.set_title(effect, fontsize=9)
+        axes.set_xticks(range(len(places)), places, rotation=30, ha="right", fontsize=8)
+        axes.set_xlim(-0.6, len(places) - 0.4)
+        axes.grid(axis="y", linewidth=0.4)
+    grid[0].set_ylabel("change of the end-point error [px]")
+    _finish(figure, grid[0], title)
+    _save(figure, path)
+
+
+def _finish(figure: Figure, axes: Axes, title: str) -> None:
+    handles, names = axes.get_legend_handles_labels()
+    figure.legend(handles, names, ncols=len(names), fontsize=8, loc="outside lower center")
+    figure.suptitle(title, fontsize=10)
 
 
 def _save(figure: Figure, path: str | Path) -> None:

@@ -81,9 +81,7 @@ def augment(
     if settings.puddle_scale > 0:
         maps["puddles"] = puddle_pattern(*scene.grid.centres(), settings.seed, scale=settings.puddle_scale)
     levels = [water_level(maps, scene.grid, w, settings.water) for w in wetness]
-    mist = None
-    if settings.mist > 0:
-        mist = compile_spray(spray_over(scene.maps["height"], scene.grid, settings.mist, settings.spray, settings.seed))
+    mist = mist_over(scene, settings)
     names = [folder_name(w, settings) for w in wetness]
     report: list[dict[str, Any]] = []
     gain = settings.sky_gain or estimate_sky_gain(scene, frames, normals, settings)
@@ -95,10 +93,10 @@ def augment(
         projected = project_frame(scene, index, projected, gain)
         separation = separate_frame(projected, scene, normals, settings)
         for w, name, water in zip(wetness, names, levels, strict=True):
-            result = _result(projected, separation, np.clip(water, 0, 1), mist, settings)
+            result = rainy_frame(projected, separation, np.clip(water, 0, 1), mist, settings)
             if settings.droplets > 0:
-                shield = shield or _windshield(projected, settings)
-                result = _through_drops(result, mist, shield, index, settings)
+                shield = shield or windshield_before(projected, settings)
+                result = through_drops(result, mist, shield, index, settings)
             _write_frame(folder / name, result, settings)
             passed.setdefault(name, []).append(_pass_truth(projected, folder / name, settings.format))
             report.append(_figures(result, w))
@@ -110,9 +108,23 @@ def augment(
     return report
 
 
-def _result(
+def mist_over(scene: Scene, settings: AugmentSettings) -> MediumArrays | None:
+    """Return the mist over a scene's ground, or None if the settings have none."""
+    if settings.mist <= 0:
+        return None
+    return compile_spray(spray_over(scene.maps["height"], scene.grid, settings.mist, settings.spray, settings.seed))
+
+
+def rainy_frame(
     frame: ProjectedFrame, separation: Separation, water: NDArray[np.float32], mist: MediumArrays | None, settings: AugmentSettings
 ) -> FrameResult:
+    """Return a frame with wet ground, and in mist if there is any.
+
+    Parameters
+    ----------
+    water : (rows, cols) float32
+        Water level W on the scene's grid, in [0, 1].
+    """
     wet = wet_frame(frame, separation, water, settings.seed, settings.bounces)
     if mist is None:
         return FrameResult(frame, separation, water, wet)
@@ -121,12 +133,13 @@ def _result(
     return FrameResult(frame, separation, water, wet, misty)
 
 
-def _windshield(frame: ProjectedFrame, settings: AugmentSettings) -> Windshield:
+def windshield_before(frame: ProjectedFrame, settings: AugmentSettings) -> Windshield:
+    """Return the windshield before a frame's camera, with the drops that the settings ask for."""
     glass = glass_before(frame.camera, settings.windshield)
     return Windshield(glass, settings.droplets, settings.windshield, settings.seed)
 
 
-def _through_drops(
+def through_drops(
     result: FrameResult, mist: MediumArrays | None, shield: Windshield, index: int, settings: AugmentSettings
 ) -> FrameResult:
     """Return a frame seen past the drops that lie on the glass by then: the drive's first frame starts with the first drops."""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .settings import TrueWetSettings
+from .settings import TrueWetSettings, WetterSettings
 
 
 @dataclass(frozen=True)
@@ -24,5 +24,10 @@ RECIPES: dict[str, Recipe] = {
         "true_wet",
         TrueWetSettings,
         "Is a flow algorithm's error on the augmented street that on the truly wet one, more than with simpler ways to wet?",
+    ),
+    "wetter": Recipe(
+        "wetter",
+        WetterSettings,
+        "How much worse do flow algorithms get as the drive gets wetter, mistier, and drops lie on the windshield, and where?",
     ),
 }

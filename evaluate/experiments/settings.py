@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from materials.foundation.settings import check_settings, setting
 
@@ -29,3 +30,17 @@ class TrueWetSettings(StreetPart):
     """Settings of `true-wet`."""
 
     showers: tuple[float, ...] = setting((1 / 3, 2 / 3, 1.0), "strengths of the true showers")
+
+
+@dataclass(frozen=True)
+class WetterSettings(StreetPart):
+    """Settings of `wetter`."""
+
+    effects: tuple[str, ...] = setting(
+        ("wetness", "mist", "droplets", "together"),
+        "effects of rain: each alone, or all together",
+        choices=("wetness", "mist", "droplets", "together"),
+    )
+    levels: tuple[float, ...] = setting((1 / 3, 2 / 3, 1.0), "how strong the effects are")
+    street: bool = setting(True, "run on the built-in street")
+    recordings: tuple[Path, ...] = setting((), "recordings with true flow or measured disparity, besides")

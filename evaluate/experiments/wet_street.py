@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +19,17 @@ from scene.recording import Recording, read_recording
 from scene.scene_file import read_scene
 from scene.street import StreetSettings, street
 from scene.wetting.water import water_level
-from transport.augment import estimate_sky_gain, separate_frame
+from scene.wetting.windshield import Windshield
+from transport.augment import (
+    estimate_sky_gain,
+    mist_over,
+    rainy_frame,
+    separate_frame,
+    through_drops,
+    windshield_before,
+)
 from transport.augment_settings import AugmentSettings
+from transport.kernels.media import MediumArrays
 from transport.photograph import PhotographSettings, photograph, with_noise
 from transport.projected_world import ProjectedFrame, project_frame
 from transport.render import render
@@ -30,6 +41,33 @@ from ..algorithms import algorithm
 from .cache import Cache
 from .settings import StreetPart
 from .wetting import METHODS
+
+
+@dataclass(frozen=True)
+class Weather:
+    """How wet the ground is, and how much mist and how many drops on the windshield there are, 0 to 1 each."""
+
+    wetness: float = 0.0
+    mist: float = 0.0
+    droplets: float = 0.0
+
+
+class Rain(NamedTuple):
+    """A frame in some weather.
+
+    Attributes
+    ----------
+    picture : as the recorded one
+        Its numbers in the file.
+    standing : (H, W) float32
+        Accumulation, how much water stands on the ground, 0 to 1; 0 off the ground.
+    drops : (H, W) float32
+        Share of the lens that drops on the windshield cover.
+    """
+
+    picture: NDArray
+    standing: NDArray[np.float32]
+    drops: NDArray[np.float32]
 
 
 class WettedDrive:
@@ -60,6 +98,9 @@ class WettedDrive:
         self._gain = float(gain)
         # The two frames of a pair, which are asked for in turn.
         self._recent: dict[int, tuple[ProjectedFrame, Separation]] = {}
+        # By amount; the drops on a glass are the same whatever else the weather does.
+        self._mists: dict[float, MediumArrays | None] = {}
+        self._shields: dict[float, Windshield] = {}
 
     def picture(self, frame: int) -> NDArray:
         """Return a recorded picture as stored."""
@@ -77,18 +118,33 @@ class WettedDrive:
 
         return self.cache.array(parts, make)[list(METHODS).index(method)]
 
-    def standing_water(self, frame: int, wetness: float) -> NDArray[np.bool_]:
-        """Return where water stands on the ground of a frame (accumulation above a half): the puddles."""
-        parts = self._parts() | {"what": "puddles", "frame": frame, "wetness": wetness}
+    def rain(self, frame: int, weather: Weather) -> Rain:
+        """Return a frame in some weather, and where water stands and drops are in it."""
+        picture = self.picture(frame)
+        kept = self.cache.array(
+            self._parts() | {"what": "rain", "frame": frame, "weather": asdict(weather)}, lambda: self._in_weather(frame, weather)
+        )
+        return Rain(kept[..., :-2].reshape(picture.shape).astype(picture.dtype), kept[..., -2], kept[..., -1])
 
-        def make() -> NDArray:
-            projected, separation = self._separated(frame)
-            water = np.clip(water_level(self.scene.maps, self.scene.grid, wetness, self.settings.water), 0, 1)
-            wet = wet_frame(projected, separation, water, self.settings.seed, self.settings.bounces)
-            share = np.maximum(separation.share, 1e-6)
-            return (separation.share > 0.5) & (wet.wet.wetness[..., 1] / share > 0.5)
-
-        return self.cache.array(parts, make)
+    def _in_weather(self, frame: int, weather: Weather) -> NDArray[np.float32]:
+        """Return the numbers of the picture, the standing water and the drops, one behind the other."""
+        settings = replace(self.settings, mist=weather.mist, droplets=weather.droplets)
+        if weather.mist not in self._mists:
+            self._mists[weather.mist] = mist_over(self.scene, settings)
+        mist = self._mists[weather.mist]
+        projected, separation = self._separated(frame)
+        water = np.clip(water_level(self.scene.maps, self.scene.grid, weather.wetness, settings.water), 0, 1)
+        result = rainy_frame(projected, separation, water, mist, settings)
+        covered = np.zeros_like(separation.share)
+        if weather.droplets > 0:
+            if weather.droplets not in self._shields:
+                self._shields[weather.droplets] = windshield_before(projected, settings)
+            result = through_drops(result, mist, self._shields[weather.droplets], frame, settings)
+            assert result.droplets is not None
+            covered = result.droplets.covered
+        # Accumulation of the ground's share of a pixel.
+        standing = result.wet.wet.wetness[..., 1] / np.maximum(separation.share, 1e-6)
+        return np.dstack([result.raw, np.where(separation.share > 0.5, standing, 0), covered]).astype(np.float32)
 
     def ground(self, frame: int) -> NDArray[np.bool_]:
         """Return the pixels that see the static ground."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evaluate.algorithms import estimate
+from evaluate.experiments.wet_street import Rain, Weather
 from scene.flow_files import Flow, as_flow
 
 from ..algorithms.textures import texture
@@ -28,10 +29,17 @@ class FakeStreet:
     def visible(self, frame: int) -> NDArray[np.bool_]:
         return np.ones(SIZE, bool)
 
-    def standing_water(self, frame: int, wetness: float) -> NDArray[np.bool_]:
-        out = self.ground(frame)
-        out[:24] = False
-        return out
+    def rain(self, frame: int, weather: Weather) -> Rain:
+        """Return water that blurs the lower half of the ground, mist that takes contrast, and a drop at a fixed place."""
+        standing, drops = (np.zeros(SIZE, np.float32) for _ in range(2))
+        standing[24:40, 8:-8] = weather.wetness
+        drops[10:20, 20:40] = weather.droplets
+        gloss = 120.0 * weather.wetness * standing
+        dull = self._textured(frame, 1.0 - 0.9 * weather.mist, 0.0, 5)
+        mirrored = np.repeat(texture(*np.mgrid[: SIZE[1], : SIZE[0]].astype(float), seed=9).T[..., None], 3, axis=2) / 255
+        picture = dull + gloss[..., None] * mirrored
+        picture = np.where(drops[..., None] > 0.5, 90 + 60 * mirrored, picture)
+        return Rain(np.rint(np.clip(picture, 0, 255)).astype(np.uint8), standing, drops)
 
     def true_flow(self, frame: int) -> Flow:
         return as_flow(np.broadcast_to(SHIFT, (*SIZE, 2)))

@@ -57,7 +57,8 @@ def test_settings_that_cannot_be_are_refused_before_work_begins(tmp_path: Path):
 
 def test_the_command_lists_its_recipes_and_names_the_flag_at_fault(capsys, tmp_path: Path):
     assert main(["experiment", "--help"]) == 0
-    assert all(name in capsys.readouterr().out for name in RECIPES)
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in RECIPES)
     assert main(["experiment", "true-wet", "-o", str(tmp_path / "o"), "--pairs", "0"]) == 2
     assert "--pairs must lie in [1, 10], got 0" in capsys.readouterr().err
 
