@@ -144,9 +144,7 @@ def _draw(
     red = max(1.0, float(np.round(2 * np.quantile(known, 0.9)))) if known.size else 1.0
     rows = []
     for effect, (picture, error, place) in shown.items():
-        caption = (
-            f"{effect} | end-point error of {settings.algorithms[-1]}, red {red:g} px | drops red, standing water blue, ground grey"
-        )
+        caption = f"{effect} | end-point error of {settings.algorithms[-1]}, red {red:g} px | drops red, beside pale, standing water blue, ground grey"
         rows.append((caption, [picture, jet(error, red), _COLOURS[place]]))
     contact_sheet(rows, sheet, 480)
     return {
