@@ -144,7 +144,8 @@ def _draw(
     red = max(1.0, float(np.round(2 * np.quantile(known, 0.9)))) if known.size else 1.0
     rows = []
     for effect, (picture, error, place) in shown.items():
-        caption = f"{effect} | end-point error of {settings.algorithms[-1]}, red {red:g} px | drops red, beside pale, standing water blue, ground grey"
+        legend = "drops red, beside pale, standing water blue, ground grey"
+        caption = f"{effect} | end-point error of {settings.algorithms[-1]}, red {red:g} px | {legend}"
         rows.append((caption, [picture, jet(error, red), _COLOURS[place]]))
     contact_sheet(rows, sheet, 480)
     return {
