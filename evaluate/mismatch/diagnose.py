@@ -16,11 +16,16 @@ from ..effects.given import with_given
 from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, search
 from .calibrate import calibrate, free_term, weigh
 from .case import Case, Floats
+from .decoys import DecoyResult, decoy_term, decoys_for
 from .effect import Effect, Term
 from .locate import Dependence, dependences, located
 from .prove import HeldOut, prove
-from .settle import needs_settling, settle
-from .solve import by_frame, covariance, fit, predict
+from .settle import needs_settling, prepared, settle
+from .solve import by_frame, context, covariance, fit, predict
+
+Key = tuple[str, str | None]
+# (gain, sigmas) of each effect over a model without it.
+Losses = dict[Key, tuple[float, float]]
 
 logger = logging.getLogger("meniscus")
 _SIGMAS = 3.0
@@ -40,6 +45,8 @@ class Finding:
         What held-out chi-square a value gains by it, all other effects being there.
     p_value : float
         Of that gain being chance, over blocks of repeats.
+    decoys : list of DecoyResult
+        What it gains over smooth corrections in wrong coordinates.
     """
 
     id: str
@@ -51,6 +58,7 @@ class Finding:
     p_value: float
     ambiguous_with: list[str] = field(default_factory=list)
     decides: str = ""
+    decoys: list[DecoyResult] = field(default_factory=list)
 
 
 @dataclass
@@ -109,9 +117,13 @@ def diagnose(
     base, best, trials = search(case, weight, fitted, effects, settings, say)
     best = polished(best)
     best, losses = pruned(case, base, best, settings)
+    say("holding what was found against smooth gains that are no physics")
+    best, losses, decoys, unshown = shown(case, base, best, losses, settings)
     findings = [_finding(case, best, t, *losses[t.key]) for t in best.effects]
+    for finding in findings:
+        finding.decoys = decoys[finding.id, finding.where]
     _name_ambiguities(best, findings, trials)
-    notes = list(case.notes)
+    notes = [*case.notes, *unshown]
     if case.noise_estimated:
         notes.append(
             f"The recording states no noise; it was estimated from the finest differences: read_sigma "
@@ -149,9 +161,7 @@ def polished(model: Model) -> Model:
     return assess(model.case, model.weight, fit(model.case, model.weight, model.terms, 15, 1e-6))
 
 
-def pruned(
-    case: Case, base: Model, model: Model, settings: SearchSettings
-) -> tuple[Model, dict[tuple[str, str | None], tuple[float, float]]]:
+def pruned(case: Case, base: Model, model: Model, settings: SearchSettings) -> tuple[Model, Losses]:
     """Take out again what is not needed; return the model, and (gain, sigmas) of each effect over a model without it."""
     while True:
         losses = {}
@@ -171,6 +181,43 @@ def pruned(
         worst = min(needless, key=lambda k: losses[k][0])
         kept = [t for t in model.terms if t.key != worst]
         model = assess(model.case, model.weight, fit(model.case, model.weight, kept, 10))
+
+
+def shown(
+    case: Case, base: Model, model: Model, losses: Losses, settings: SearchSettings
+) -> tuple[Model, Losses, dict[Key, list[DecoyResult]], list[str]]:
+    """Drop what a decoy in wrong coordinates does better; return (model, losses, results of decoys by effect, notes)."""
+    notes: list[str] = []
+    while True:
+        results = {t.key: _against_decoys(case, base, model, t) for t in model.effects}
+        beaten = [(t, r) for t in model.effects for r in results[t.key] if r.sigmas < -settings.sigmas]
+        if not beaten:
+            return model, losses, results, notes
+        term, rival = min(beaten, key=lambda b: b[1].gain)
+        place = f" on {term.target}" if term.target else ""
+        notes.append(f"{term.effect.id}{place} lowered the residual, but {rival.title} lowers it more: it is not shown.")
+        kept = [t for t in model.terms if t.key != term.key]
+        model = base if len(kept) == 1 else assess(case, base.weight, fit(case, base.weight, prepared(case, kept, weigh), 10))
+        model, losses = pruned(case, base, polished(model), settings)
+
+
+def _against_decoys(case: Case, base: Model, model: Model, term: Term) -> list[DecoyResult]:
+    """Put each decoy into the place of an effect, and see what that costs on held-out frames."""
+    others = [t for t in model.terms if t.key != term.key]
+    # An effect that has moved things is replaced where they were.
+    around, weight = (case, base.weight) if term.effect.settles else (model.case, model.weight)
+    if term.effect.settles:
+        others = prepared(around, others, weigh)
+    about = context(around, weight, fit(around, weight, others, 0))
+    out = []
+    for decoy in decoys_for(term.effect):
+        rival = assess(around, weight, fit(around, weight, [*others, decoy_term(around, decoy, about)], 6))
+        gain, sigmas = gain_of(case, model.weight, rival, model)
+        if gain < 0:
+            # Losses in some blocks speak against what is judged: now that is the decoy.
+            sigmas = -gain_of(case, model.weight, model, rival)[1]
+        out.append(DecoyResult(decoy.title, gain, sigmas))
+    return out
 
 
 def _finding(case: Case, model: Model, t: Term, gain: float, sigmas: float) -> Finding:

@@ -57,6 +57,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "ambiguous_with": f.ambiguous_with,
                 "where": f.where,
                 "gain": float(f.gain),
+                "decoys": [{"title": r.title, "gain_over": r.gain, "standard_errors": r.sigmas} for r in f.decoys],
             }
             | ({"decide_by": f.decides} if f.ambiguous_with else {})
             for f in d.findings

@@ -148,6 +148,7 @@ def _words(f: Finding) -> dict[str, Any]:
     return {
         "id": f.id, "title": f.title, "says": f.says, "where": f.where, "gain": _number(f.gain), "p": p,
         "ambiguous_with": f.ambiguous_with, "decides": f.decides, "parameters": rows,
+        "decoys": [f"{r.title} leaves {_number(r.gain)} more" for r in f.decoys],
     }  # fmt: skip
 
 
