@@ -1,0 +1,1 @@
+"""The diagnosis: where a simulation and a recording differ, which physics was left out, and the proof."""
