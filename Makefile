@@ -28,7 +28,7 @@ format: setup  ## let ruff rewrite the code
 	$(BIN)/ruff format $(CODE)
 
 test: setup lint  ## lint, then the whole test suite with its doctests
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(ARGS)
 
 demo: setup  ## build the built-in street, wet it three times, leave a contact sheet in out/
 	$(BIN)/python -m transport.demo $(ARGS)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from materials.foundation.errors import InputError
 from scene.simulation import AddedEffect
 
 from ..mismatch.calibrate import free_term, weigh
-from ..mismatch.case import Case
+from ..mismatch.case import Case, with_believed
 from ..mismatch.effect import Effect, Parameter, Term, groups
 from ..mismatch.solve import context, fit
 from .defocus import Defocus
@@ -56,9 +55,9 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
             wanted.append(_named(case, effects, added, f"effects[{i}]"))
     given: tuple[Term, ...] = ()
     for effect, target, values in wanted:
-        case = replace(case, believed=given, cache={})
+        case = with_believed(case, given)
         given = (*given, _term(case, effect, target, values))
-    return replace(case, believed=given, cache={}) if given else case
+    return with_believed(case, given) if given else case
 
 
 def _named(case: Case, effects: dict[str, Effect], added: AddedEffect, key: str) -> tuple[Effect, str | None, dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from materials.foundation.progress import tracked
 
 from .blocks import surely
 from .calibrate import weigh, white_level
-from .case import Case, Floats, subset
+from .case import Case, Floats, subset, with_believed
 from .effect import Context, Effect, Term, shape_index
 from .locate import largest_tile, structure
 from .settle import needs_settling, settle
@@ -258,7 +258,7 @@ def _extend(
 
 def _few(case: Case, frames: NDArray) -> Case:
     small = subset(case, frames)
-    return replace(small, believed=tuple(_carried(case, small, frames, list(case.believed))), cache={})
+    return with_believed(small, tuple(_carried(case, small, frames, list(case.believed))))
 
 
 def _carried(case: Case, small: Case, frames: NDArray, terms: list[Term]) -> list[Term]:

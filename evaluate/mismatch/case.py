@@ -363,6 +363,14 @@ def fitted_noise(rows: NDArray[np.float64], otherwise: float = 1e-3) -> Noise:
     return Noise(float(np.sqrt(max(read2, 1e-12))), float(gain))
 
 
+def with_believed(case: Case, terms: tuple) -> Case:
+    """Return the case with other terms that its simulation believes; what was gathered of it is kept."""
+    out = replace(case, believed=terms, cache={})
+    # Cached properties of a frozen class live in its dictionary.
+    out.__dict__.update({k: v for k, v in case.__dict__.items() if k in ("world", "pieces")})
+    return out
+
+
 def subset(case: Case, frames: NDArray[np.int64] | list[int]) -> Case:
     """Return the case with some of its frames only; what was gathered of them is kept."""
     frames = np.asarray(frames)

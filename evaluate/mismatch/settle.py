@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from .case import Case, Floats, Settled
+from .case import Case, Floats, Settled, with_believed
 from .effect import Term
 from .solve import Fit, by_frame, context, fit, predict
 from .warp import TWIST
@@ -34,10 +34,10 @@ def settled_case(case: Case, terms: list[Term]) -> Case:
     moved = replace(case, settled=Settled(lamps, twist, moves, bend), believed=(), cache={})
     given: list[Term] = []
     for t in case.believed:
-        moved = replace(moved, believed=tuple(given))
+        moved = with_believed(moved, tuple(given))
         about = context(moved, moved.variance * 0, fit(moved, moved.variance * 0, [], 0))
         given.append(replace(t, aux=t.effect.restored(moved, t.target, about, t.effect.stored(case, t.target, t.aux))))
-    return replace(moved, believed=tuple(given))
+    return with_believed(moved, tuple(given))
 
 
 def settle(case: Case, terms: list[Term], weigh, rounds: int = 3) -> tuple[Case, Floats, Fit]:
