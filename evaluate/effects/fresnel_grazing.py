@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from materials.fresnel import normal_reflectance
 from scene.simulation import Simulation
 
 from ..kernels import shade
@@ -36,12 +37,12 @@ class FresnelGrazing(Effect):
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         # The reflectance along the normal stays what it was: the scale takes back what eta does to it.
         row = state.surfaces[shape_index(case, target)]
-        before, after = ((e - 1) ** 2 / (e + 1) ** 2 for e in (row[shade.ETA], values["eta"]))
+        before, after = (float(normal_reflectance(e)) for e in (row[shade.ETA], values["eta"]))
         row[shade.ETA] = values["eta"]
         row[shade.LOBE] *= before / after
 
     def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
         assert target is not None
         material, eta = material_on(simulation, target), float(values["eta"])
-        before, after = ((e - 1) ** 2 / (e + 1) ** 2 for e in (material.eta, eta))
+        before, after = (float(normal_reflectance(e)) for e in (material.eta, eta))
         return with_material(simulation, target, eta=eta, specular_scale=material.specular_scale * before / after)

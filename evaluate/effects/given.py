@@ -9,7 +9,7 @@ import numpy as np
 from materials.foundation.errors import InputError
 from scene.simulation import AddedEffect
 
-from ..mismatch.calibrate import free_term, weigh
+from ..mismatch.calibrate import weigh
 from ..mismatch.case import Case, with_believed
 from ..mismatch.effect import Effect, Parameter, Term, groups
 from ..mismatch.solve import context, fit
@@ -78,8 +78,8 @@ def _named(case: Case, effects: dict[str, Effect], added: AddedEffect, key: str)
 
 def _term(case: Case, effect: Effect, target: str | None, values: dict[str, Any]) -> Term:
     """Return a term with its values; those per frame of a parameter per view are taken from its first frame."""
-    ready = weigh(case, fit(case, np.zeros_like(case.pictures), [free_term(case)], 0).picture)
-    aux = effect.restored(case, target, context(case, ready, fit(case, ready, [free_term(case)], 0)), values.get("map"))
+    start = fit(case, np.zeros_like(case.pictures), [], 0)
+    aux = effect.restored(case, target, context(case, weigh(case, start.picture), start), values.get("map"))
     if aux is False:
         raise InputError("be found in this world", got=effect.id, key="effects")
     parameters = effect.parameters(case, target)

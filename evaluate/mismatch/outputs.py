@@ -13,7 +13,7 @@ from scene.images import write_exr
 from scene.simulation import AddedEffect, Simulation
 from scene.simulation_file import write_simulation
 
-from .diagnose import Diagnosis
+from .diagnose import Diagnosis, Finding
 from .effect import STAGES
 from .pictures.case import PictureCase
 from .report import sentence, write_report
@@ -50,24 +50,15 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "verdict": d.verdict,
         "summary": sentence(d),
         "effects": [
-            {
-                "id": f.id,
-                "parameters": f.parameters,
-                "p_value": f.p_value,
-                "ambiguous_with": f.ambiguous_with,
-                "where": f.where,
-                "gain": float(f.gain),
-                "decoys": [{"title": r.title, "gain_over": r.gain, "standard_errors": r.sigmas} for r in f.decoys],
-            }
-            | ({"decide_by": f.decides} if f.ambiguous_with else {})
+            finding_json(f) | {"decoys": [{"title": r.title, "gain_over": r.gain, "standard_errors": r.sigmas} for r in f.decoys]}
             for f in d.findings
         ],
         "held_out": {
             "frames": h.frames,
-            "chi2_per_pixel_before": _finite(h.chi2_before),
-            "chi2_per_pixel_after": _finite(h.chi2_after),
-            "rmse_before": _finite(h.rmse_before),
-            "rmse_after": _finite(h.rmse_after),
+            "chi2_per_pixel_before": finite_or_none(h.chi2_before),
+            "chi2_per_pixel_after": finite_or_none(h.chi2_after),
+            "rmse_before": finite_or_none(h.rmse_before),
+            "rmse_after": finite_or_none(h.rmse_after),
             "views": h.views,
             "lights": h.lights,
             "blocks": h.blocks,
@@ -82,6 +73,19 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "notes": d.notes,
         "seed": d.seed,
     }
+
+
+def finding_json(f: Finding) -> dict[str, Any]:
+    """Return a finding in the form of diagnosis/1."""
+    out = {
+        "id": f.id,
+        "parameters": f.parameters,
+        "p_value": f.p_value,
+        "ambiguous_with": f.ambiguous_with,
+        "where": f.where,
+        "gain": float(f.gain),
+    }
+    return out | ({"decide_by": f.decides} if f.ambiguous_with else {})
 
 
 def corrected(d: Diagnosis) -> Simulation:
@@ -105,5 +109,6 @@ def corrected(d: Diagnosis) -> Simulation:
     return replace(simulation, effects=(*simulation.effects, *noise))
 
 
-def _finite(x: float) -> float | None:
+def finite_or_none(x: float) -> float | None:
+    """Return a number as JSON can hold it."""
     return float(x) if np.isfinite(x) else None

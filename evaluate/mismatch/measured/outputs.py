@@ -10,6 +10,7 @@ import numpy as np
 from materials.foundation.files import make_folder, replacing, write_json
 from materials.foundation.report import Cell, Report, Table, write_report
 
+from ..outputs import finding_json, finite_or_none
 from .diagnose import MeasuredDiagnosis
 from .pictures import draw
 
@@ -70,25 +71,14 @@ def as_json(d: MeasuredDiagnosis) -> dict[str, Any]:
         "format": "diagnosis/1",
         "verdict": d.verdict,
         "summary": sentence(d),
-        "effects": [
-            {
-                "id": f.id,
-                "parameters": f.parameters,
-                "p_value": f.p_value,
-                "ambiguous_with": f.ambiguous_with,
-                "where": f.where,
-                "gain": float(f.gain),
-            }
-            | ({"decide_by": f.decides} if f.ambiguous_with else {})
-            for f in d.findings
-        ],
+        "effects": [finding_json(f) for f in d.findings],
         "held_out": {
             "what": p.what,
             "blocks": [row[0] for row in p.rows],
-            "chi2_per_pixel_before": _finite(p.chi2_before),
-            "chi2_per_pixel_after": _finite(p.chi2_after),
-            "rmse_before": _finite(p.rmse_before),
-            "rmse_after": _finite(p.rmse_after),
+            "chi2_per_pixel_before": finite_or_none(p.chi2_before),
+            "chi2_per_pixel_after": finite_or_none(p.chi2_after),
+            "rmse_before": finite_or_none(p.rmse_before),
+            "rmse_after": finite_or_none(p.rmse_after),
         }
         | d.extra.get("held_out", {}),
         "affected": "affected.npz",
@@ -155,7 +145,3 @@ def _words(p: dict[str, Any]) -> list[Cell]:
     if isinstance(value, list):
         return [f"{min(value):.4g} to {max(value):.4g}, per {p['per']}", None]
     return [value, None if interval is None else f"{interval[0]:.4g} to {interval[1]:.4g}"]
-
-
-def _finite(x: float) -> float | None:
-    return float(x) if np.isfinite(x) else None
