@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -eu -o pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help setup lint format test demo bench proof experiments notebooks lock clean
+.PHONY: help setup lint style types format test suite demo bench proof experiments notebooks lock clean
 export PYTHON
 
 BIN := .venv/bin
@@ -17,18 +17,26 @@ help:  ## print this list
 setup:  ## build .venv: system libraries, locked requirements, this checkout
 	@tools/setup.sh
 
-lint: setup  ## ruff, basedpyright, import-linter
+lint: style types  ## ruff, import-linter, basedpyright
+
+style: setup
 	$(BIN)/ruff check $(CODE)
 	$(BIN)/ruff format --check $(CODE)
-	$(BIN)/basedpyright
 	$(BIN)/lint-imports
+
+types: setup
+	$(BIN)/basedpyright
 
 format: setup  ## let ruff rewrite the code
 	$(BIN)/ruff check --fix $(CODE)
 	$(BIN)/ruff format $(CODE)
 
-test: setup lint  ## lint, then the whole test suite with its doctests
-	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile $(ARGS)
+test: style  ## lint, and the whole test suite with its doctests; types, which take minutes on one core, are checked beside it
+	@$(MAKE) --no-print-directory -j2 types suite
+
+# Each worker gets a row of tests, so that files and the kernels they compile mostly stay with one; who is done takes from the others.
+suite: setup
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
 
 demo: setup  ## build the built-in street, wet it three times, leave a contact sheet in out/
 	$(BIN)/python -m transport.demo $(ARGS)

@@ -82,7 +82,8 @@ if [ "$python" != "$(pwd)/.venv/bin/python" ]; then
 fi
 rm -f .venv/stamp
 say "installing the locked requirements into .venv (about 2.5 GB at the first time; a few minutes)"
-.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --require-hashes -r requirements.lock ||
+# Uncompiled: Python compiles what it imports, a fraction of what is installed.
+.venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --no-compile --require-hashes -r requirements.lock ||
     fail "pip could not install the locked requirements. Is there a network, and is there space on the disk?"
 say "putting this checkout into .venv"
 .venv/bin/python -m pip install --quiet --quiet --disable-pip-version-check --no-deps --no-build-isolation --no-index --editable .
