@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
@@ -15,7 +14,7 @@ from scene.simulation import Simulation
 from ..mismatch.case import Case, moved_mesh
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State
-from ..mismatch.warp import TWIST, first_piece, typical_distance
+from ..mismatch.warp import TWIST, first_piece, moved, typical_distance
 
 _REACH = 6.0  # [px]: as far beyond its outline the body's motion is carried on
 
@@ -80,16 +79,7 @@ class MovedObject(Effect):
         if not np.any(np.abs(rest) > 1e-9):
             return
         flow = np.tensordot(rest, aux["flow"], 1)
-        height, width = case.size
-        y, x = np.mgrid[:height, :width].astype(np.float32)
-
-        def moved(pictures):
-            return np.stack([
-                cv2.remap(p, x - d[..., 0], y - d[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-                for p, d in zip(pictures, flow, strict=True)
-            ])  # fmt: skip
-
-        state.lens.insert(0, moved)
+        state.lens.insert(0, lambda pictures: np.stack([moved(p, d) for p, d in zip(pictures, flow, strict=True)]))
 
     def summary(self, case: Case, values: Values, target: str | None, aux: Any) -> dict[str, Any]:
         shift = float(np.linalg.norm([values[n] for n in TWIST[3:]]))

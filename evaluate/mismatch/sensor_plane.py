@@ -27,9 +27,17 @@ def radius2(case: Case) -> NDArray[np.float64]:
 
 def resampled(pictures: Floats, x: NDArray, y: NDArray) -> Floats:
     """Return pictures (F, H, W, 3) as seen at pixel indices x, y (H, W); beyond the border the border goes on."""
-    at = x.astype(np.float32), y.astype(np.float32)
-    out = [cv2.remap(p, *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE) for p in pictures]
-    return np.stack(out).astype(np.float32)
+    x, y = x.astype(np.float32), y.astype(np.float32)
+    return np.stack([cubic(p, x, y) for p in pictures])
+
+
+def cubic(picture: Floats, x: NDArray[np.float32], y: NDArray[np.float32]) -> Floats:
+    """Return a picture (H, W, 3) at pixel indices x, y (H, W), never negative; beyond the border the border goes on.
+
+    A cubic swings below zero beside bright outlines. No radiance does, and a response that cuts off what is negative would
+    be found where there is none.
+    """
+    return np.maximum(cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), np.float32(0))
 
 
 def wide_blur(pictures: Floats, sigma: float) -> Floats:

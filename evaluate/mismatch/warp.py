@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.transforms import transform_points
 
 from .case import Case, Floats
+from .sensor_plane import cubic
 
 TWIST = ("turn_x", "turn_y", "turn_z", "shift_x", "shift_y", "shift_z")
 
@@ -65,8 +65,7 @@ def moved(picture: Floats, flow: Floats) -> Floats:
     """Return a picture (H, W, 3) whose points have been moved by a smooth flow (H, W, 2) [px]."""
     height, width = picture.shape[:2]
     y, x = np.mgrid[:height, :width].astype(np.float32)
-    out = cv2.remap(picture, x - flow[..., 0], y - flow[..., 1], cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(out, np.float32)
+    return cubic(picture, x - flow[..., 0], y - flow[..., 1])
 
 
 def twisted(case: Case, pictures: Floats, twist: NDArray, share: NDArray | float = 1.0) -> Floats:

@@ -13,6 +13,7 @@ from ...mismatch.case import Case, Floats
 from ...mismatch.effect import Context, Parameter, Values, shape_index, shapes_seen
 from ...mismatch.formation import State
 from ...mismatch.pictures.case import STATIC
+from ...mismatch.sensor_plane import cubic
 from ..moved_object import MovedObject
 
 _SEARCH = 6  # [px]: as far the first guess is looked for
@@ -56,7 +57,7 @@ class MovedBody(MovedObject):
             out = pictures.copy()
             for f in np.flatnonzero(np.any(by != 0, axis=1) & own.any(axis=(1, 2))):
                 at = x - by[f, 0], y - by[f, 1]
-                body = cv2.remap(pictures[f], *at, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+                body = cubic(pictures[f], *at)
                 cover = cv2.remap(own[f].astype(np.float32), *at, cv2.INTER_LINEAR)[..., None]
                 ground = np.where(own[f][..., None], pictures[f][tuple(nearest[f])], pictures[f])
                 out[f] = ground + cover * (body - ground)
