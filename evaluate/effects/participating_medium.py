@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..kernels import veil
 from ..mismatch.case import Case
 from ..mismatch.effect import Effect, Parameter, Values
-from ..mismatch.formation import State, eyes, frame_of, sight
+from ..mismatch.formation import State, eyes, frame_of, open_sky, sight
+from ..mismatch.sensor_plane import offsets, wide_blur
 
 
 class ParticipatingMedium(Effect):
@@ -32,8 +34,12 @@ class ParticipatingMedium(Effect):
         air = tuple(Parameter(f"airlight.{c}", 0.5 * level, 0.0, 50 * level, 0.01 * level, "W/(m² sr)") for c in "rgb")
         out = (Parameter("sigma_t", 0.2 / far, 0.0, 20 / far, 0.01 / far, "1/m"), *air)
         if len(case.lamps):
-            # What lamps send into the line of sight, once scattered; the rest has come from all around.
-            out += (Parameter("single_albedo", 0.3, 0.0, 1.0, 0.02), Parameter("g", 0.4, -0.9, 0.95, 0.02))
+            # What lamps send into the line of sight, once scattered; the rest has come from all around, and lights surfaces too.
+            out += (Parameter("single_albedo", 0.6, 0.0, 1.0, 0.02), Parameter("g", 0.6, -0.5, 0.95, 0.02))
+            out += (Parameter("fill", 0.0, 0.0, 5.0, 0.05), Parameter("rise", 0.0, -1 / far, 20 / far, 0.05 / far, "1/m"))
+        if case.traced:
+            # Of what is scattered, the part that goes on nearly straight: it blurs what is seen, and takes little from it.
+            out += (Parameter("forward", 0.0, 0.0, 0.9, 0.03), Parameter("turn", 0.15, 0.02, 0.8, 0.02, "rad"))
         if self._beyond(case).any():
             out += (Parameter("reach", 1.3 * far, 0.2 * far, 50 * far, 0.05 * far, "m"),)
         return out
@@ -51,11 +57,35 @@ class ParticipatingMedium(Effect):
         if "reach" in values:
             distance[beyond] = values["reach"]
         scale_height, base = self._height(values)
+        sigma_t, single, g = float(values["sigma_t"]), float(values.get("single_albedo", 0.0)), float(values.get("g", 0.0))
+        forward = float(values.get("forward", 0.0))
+        thin = sigma_t * (1 - forward)
+        # What is turned little by the air still lights what the beam would have: it counts as not scattered at all.
+        sigma_lamp = sigma_t * (1 - single * g**2)
         through, lamp_light = np.empty((len(p), 3), np.float32), np.zeros((len(p), 3), np.float32)
+        lift = np.empty(len(p), np.float32)
+        frame = frame_of(case)
         veil.veil(
-            eyes(case), frame_of(case), sight(case), distance, case.slots, state.lamps, float(values["sigma_t"]), scale_height,
-            base, float(values.get("g", 0.0)), 8, through, lamp_light,
+            eyes(case), frame, sight(case), distance, case.slots, state.lamps, thin, sigma_lamp, scale_height, base, g, 8,
+            through, lamp_light, lift,
         )  # fmt: skip
         air = np.array([values[f"airlight.{c}"] for c in "rgb"], np.float32)
-        single = np.float32(values.get("single_albedo", 0.0))
-        state.veil(through, (1 - through) * air + single * lamp_light)
+        if len(case.lamps):
+            state.arriving = np.ones_like(state.visible)
+            veil.arriving(frame, p.position, case.slots, state.lamps, sigma_lamp, scale_height, base, state.arriving)
+            state.add_ambient(open_sky(case)[:, None] * np.float32(values["fill"]) * air)
+        if forward > 0:
+            self._spread(case, state, through, sigma_t * forward / thin, float(values["turn"]))
+        # High up the fog is nearer to sun and sky.
+        share = (1 - through) + np.float32(values.get("rise", 0.0)) * lift[:, None]
+        state.veil(through, share * air + np.float32(single) * lamp_light)
+
+    def _spread(self, case: Case, state: State, through: NDArray[np.float32], share: float, turn: float) -> None:
+        """Blur what comes through by the light that the air turns little: a share of the optical thickness."""
+        p, (height, width) = case.pieces, case.size
+        # Of a pixel with several pieces: the mean of what comes straight through.
+        straight = np.bincount(p.pixel, p.weight * through[:, 0] ** np.float32(share), case.num_frames * height * width)
+        weight = np.bincount(p.pixel, p.weight, len(straight))
+        straight = np.where(weight > 0, straight / np.maximum(weight, 1e-6), 1.0).astype(np.float32).reshape(-1, height, width, 1)
+        sigma = turn * offsets(case)[2]
+        state.spread.append(lambda picture: straight * picture + (1 - straight) * wide_blur(picture, sigma))

@@ -34,6 +34,10 @@ class State:
         Radiance beyond the world.
     factor, mask, bend, ambient, through, air
         Of the pieces, see `kernels.shade.shade`; without rows: not there.
+    arriving : (N, S) float32
+        Share of each lamp's light that comes through the air to each piece; without rows: all.
+    spread : list of functions
+        On what reaches the lens (F, H, W, 3): air that scatters light about its way.
     lens, sensor : list of functions
         On the pictures (F, H, W, 3), in the order in which they act.
     kept_visible : (N, S) float32 or None
@@ -51,6 +55,8 @@ class State:
     ambient: Floats = field(default_factory=lambda: NOTHING2)
     through: Floats = field(default_factory=lambda: NOTHING2)
     air: Floats = field(default_factory=lambda: NOTHING2)
+    arriving: Floats = field(default_factory=lambda: NOTHING2)
+    spread: list[Develop] = field(default_factory=list)
     lens: list[Develop] = field(default_factory=list)
     sensor: list[Develop] = field(default_factory=list)
     kept_visible: Floats | None = None
@@ -59,7 +65,7 @@ class State:
         """Return a copy whose tables and lists can be changed; arrays of pieces are replaced as a whole."""
         return replace(
             self, lamps=self.lamps.copy(), surfaces=self.surfaces.copy(), sky=self.sky.copy(),
-            lens=list(self.lens), sensor=list(self.sensor),
+            spread=list(self.spread), lens=list(self.lens), sensor=list(self.sensor),
         )  # fmt: skip
 
     def add_ambient(self, irradiance: NDArray) -> None:
@@ -134,12 +140,16 @@ def radiance(case: Case, state: State) -> Floats:
     """Return what reaches the lens (F, H, W, 3)."""
     p, (height, width) = case.pieces, case.size
     out = np.empty((len(p.start) - 1, 3), np.float32)
+    visible = state.visible * state.arriving if len(state.arriving) else state.visible
     kernel.shade(
-        p.start, height * width, p.weight, p.shape, p.position, p.normal, p.tangent, p.view, p.albedo, state.visible,
+        p.start, height * width, p.weight, p.shape, p.position, p.normal, p.tangent, p.view, p.albedo, visible,
         case.slots, state.lamps, state.surfaces, state.sky, state.factor, state.mask, state.bend, state.ambient,
         state.through, state.air, out,
     )  # fmt: skip
-    return out.reshape(case.num_frames, height, width, 3)
+    picture = out.reshape(case.num_frames, height, width, 3)
+    for step in state.spread:
+        picture = step(picture)
+    return picture
 
 
 def develop(state: State, picture: Floats) -> Floats:

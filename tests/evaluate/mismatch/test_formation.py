@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from evaluate.effects import catalogue
 from evaluate.mismatch import formation
 from evaluate.mismatch.case import Case
+from evaluate.mismatch.warp import first_piece, moved
+from scene.simulation import Medium
 from transport.render import render
+from transport.world import compile_world
 
 from .worlds import glossy, recorded, simulation
 
@@ -29,10 +35,6 @@ def test_direct_light_is_what_the_path_tracer_finds(case):
     frame = 4
     lit = case.recording.frames[frame].lights
     assert lit is not None
-    from dataclasses import replace
-
-    from transport.world import compile_world
-
     lamps = {n: case.simulation.lights[n] for n in lit}
     traced = render(compile_world(replace(case.simulation, lights=lamps)), case.cameras[frame], 256, 3, 1)
     edge = case.pieces.edge.reshape(case.valid.shape)[frame]
@@ -51,10 +53,6 @@ def test_bounced_light_is_what_the_path_tracer_adds(case):
     frame = 0
     lit = matte.recording.frames[frame].lights
     assert lit is not None
-    from dataclasses import replace
-
-    from transport.world import compile_world
-
     world = compile_world(replace(matte.simulation, lights={n: matte.simulation.lights[n] for n in lit}))
     far, near = render(world, matte.cameras[frame], 1024, 4, 4), render(world, matte.cameras[frame], 1024, 5, 1)
     there = far.radiance - near.radiance
@@ -74,3 +72,40 @@ def test_open_sky_above_the_plate_far_from_the_ball_is_all_there_is(case):
     # The ball of radius 0.08 m at 0.3 m hides less than 2 % of the sky.
     assert share[corner].min() > 0.9
     assert share[corner].mean() > 0.97
+
+
+def test_light_scattered_once_by_fog_is_what_the_path_tracer_finds(case):
+    matte = recorded(case.recording.root, simulation(), {})
+    sigma_t, albedo = 0.4, 0.8
+    fog = next(e for e in catalogue() if e.id == "participating_medium")
+    values = {p.name: p.start for p in fog.parameters(matte, None)} | {"sigma_t": sigma_t, "single_albedo": albedo, "g": 0.0}
+    # No more than once: nothing comes from all around.
+    values |= {f"airlight.{c}": 0.0 for c in "rgb"}
+    state = formation.believed(matte)
+    clear = formation.radiance(matte, state)
+    fog.change(matte, state, values, None, None)
+    ours = formation.radiance(matte, state)
+    frame = 4
+    lit = matte.recording.frames[frame].lights
+    assert lit is not None
+    lamps = {n: matte.simulation.lights[n] for n in lit}
+    foggy = replace(matte.simulation, lights=lamps, medium=Medium(sigma_t, (albedo,) * 3, 0.0))
+    traced = render(compile_world(foggy), matte.cameras[frame], 256, 3, 1)
+    first = first_piece(matte).reshape(matte.valid.shape)[frame]
+    inside = ~matte.pieces.edge.reshape(matte.valid.shape)[frame] & (matte.pieces.shape[first] >= 0)
+    # As above; and air in the shadow of the ball, some 0.1 m of it, is lit here: 0.1 sigma_t albedo / 4 pi times the lamp.
+    shadow = 0.1 * sigma_t * albedo / (4 * np.pi) * 2.0
+    allowed = 5 * np.sqrt(traced.variance) + 0.004 * traced.radiance.max() + shadow
+    assert np.all(np.abs(ours[frame] - traced.radiance)[inside] < allowed[inside])
+    # What the fog changes is far more than that.
+    assert np.median(np.abs(clear[frame] - ours[frame])[inside]) > 5 * shadow
+
+
+def test_a_picture_that_is_moved_never_turns_negative():
+    rng = np.random.default_rng(5)
+    picture = np.where(rng.uniform(size=(24, 32, 3)) < 0.5, 0, 1).astype(np.float32)
+    flow = np.full((24, 32, 2), 0.4, np.float32)
+    out = moved(picture, flow)
+    assert out.min() == 0
+    # Its own interpolation swings below: the picture tests what it means to.
+    assert out.max() > 1.05
