@@ -1,4 +1,4 @@
-"""The `meniscus` command: `doctor` looks whether all that the toolkit needs is here, `street` makes the built-in recording."""
+"""The `meniscus` command: `doctor` looks whether all that the toolkit needs is here; what else it does lies in other floors."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ def main(argv: list[str] | None = None) -> int:
         from transport.photograph import main as photograph_street
 
         return photograph_street(given[1:])
+    if given[:1] == ["render"]:
+        from transport.render_cli import main as render
+
+        return render(given[1:])
     if given[:1] == ["experiment"]:
         from .experiments.command import main as run_experiment
 
@@ -27,6 +31,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     subcommands = parser.add_subparsers(dest="subcommand", metavar="COMMAND")
     doctor = subcommands.add_parser("doctor", help="check libraries, name clashes, cores, memory and disk, and say what to do")
+    subcommands.add_parser("render", help="trace a simulation into multi-layer EXR files (see render --help)")
     subcommands.add_parser("street", help="photograph the built-in street, whose truth is known (see street --help)")
     subcommands.add_parser("experiment", help="run an experiment on optical flow (see experiment --help)")
     doctor.add_argument("--traceback", action="store_true", help="show the Python traceback of a failure")

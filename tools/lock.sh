@@ -15,5 +15,6 @@ compile() {
 }
 compile pyproject.toml --extra dev -o requirements.lock
 compile pyproject.toml --extra notebooks --constraint requirements.lock -o requirements-notebooks.lock
+compile pyproject.toml --extra denoise --constraint requirements.lock -o requirements-denoise.lock
 compile pyproject.toml --extra peers --constraint requirements.lock -o requirements-peers.lock
 compile - -o requirements-blender.lock <<<"bpy==4.5.15; python_version == '3.11'"

@@ -57,7 +57,7 @@ def _run(args: argparse.Namespace) -> None:
     scene = read_scene(args.scene)
     if not scene.recording.frames:
         raise InputError("have frames", got="a cloud alone", file=args.scene, remedy="Build the scene of a recording with images.")
-    frames = _frames(args.frames, len(scene.recording.frames))
+    frames = chosen_frames(args.frames, len(scene.recording.frames))
     check_recording(select_frames(scene.recording, frames))
     output = Path(args.output)
     summarise(augment(scene, frames, wetness, settings, output))
@@ -84,7 +84,7 @@ def _wetness(text: str) -> list[float]:
     return wetness
 
 
-def _frames(text: str | None, count: int) -> list[int]:
+def chosen_frames(text: str | None, count: int) -> list[int]:
     """Turn `3`, `0:6` or `0:20:5` into indices."""
     if text is None:
         return list(range(count))

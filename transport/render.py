@@ -1,4 +1,4 @@
-"""Photograph a world: radiance by path tracing, and what each pixel sees (the G-buffer)."""
+"""Photograph a world: radiance by path tracing, and what it was made of."""
 
 from __future__ import annotations
 
@@ -8,38 +8,171 @@ import numpy as np
 from numpy.typing import NDArray
 
 from materials.foundation.checks import check_range
+from materials.foundation.interrupts import held_back
 from materials.foundation.progress import tracked
 from scene.camera import Camera
 from scene.simulation import Lens
-from scene.transforms import transform_points
 
-from .kernels import path
+from .kernels import film
 from .kernels.arrays import CameraArrays
 from .kernels.optics import OpticsArrays
 from .lens import Shutter, compile_optics
 from .media import both_or_none
 from .world import World, compile_camera
 
-_ROWS_PER_STEP = 64
+# Rows that share a count of samples, and the most paths between two chances to stop (some tenths of a second).
+_BAND = 64
+_PATHS_PER_STEP = 1 << 18
+# Paths are first ended by chance at this bounce.
+_ROULETTE_FROM = 4
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """A rendered image.
+    """A rendered image, and what it was made of. All are means over each pixel's square.
 
     Attributes
     ----------
     radiance : (H, W, 3) float32
-        Mean over each pixel's square [W/(m² sr)].
+        Of everything [W/(m² sr)], the sum of the four below.
+    diffuse, specular : (H, W, 3) float32
+        What the surface that the camera sees scatters by its matte part, and by its specular lobes: whatever lit it.
+    seen : (H, W, 3) float32
+        Lamps and sky that the camera sees themselves.
+    scattered : (H, W, 3) float32
+        What particles in the air scatter before any surface does.
     variance : (H, W, 3) float32
-        Estimated variance of that mean, see `variance_of_mean`.
+        Estimated variance of `radiance`, see `variance_of_mean`.
+    albedo : (H, W, 3) float32
+        Of the matte part of the surface seen, or where it has none its reflectance at normal incidence: no view and no
+        light in it. Glass counts 1, lamps and sky 0; paths that a particle stopped before are left out.
+    normal : (H, W, 3) float32
+        Shading normal with relief, in the world, towards the viewer, likewise; shorter than 1 where a pixel sees several.
     samples : int
-        Per pixel.
+        Per pixel; the fewest, where the picture was left unfinished.
     """
 
     radiance: NDArray[np.float32]
     variance: NDArray[np.float32]
     samples: int
+    diffuse: NDArray[np.float32]
+    specular: NDArray[np.float32]
+    seen: NDArray[np.float32]
+    scattered: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+    normal: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Tracing:
+    """How paths are traced: parameters as of `render`."""
+
+    seed: int = 0
+    max_bounces: int = 8
+    specular_only: bool = False
+    clamp: float = np.inf
+
+    def __post_init__(self) -> None:
+        check_range("clamp", self.clamp, "(0, inf]")
+        check_range("max_bounces", self.max_bounces, "[0, 1024]")
+
+
+class Exposure:
+    """A picture that gathers samples for as long as one likes, in the same memory.
+
+    What is gathered after `advance(n)` depends on n alone, to the bit: not on the steps, threads, or interruptions.
+
+    Parameters
+    ----------
+    world, camera, lens, shutter
+        As for `render`.
+
+    Raises
+    ------
+    InputError
+        As `compile_optics`.
+
+    Attributes
+    ----------
+    sums : (H, W, NUM_SUMS) float64
+        See `kernels.film`.
+    done : (bands,) int64
+        Samples per pixel so far, of each band of rows.
+    """
+
+    def __init__(
+        self, world: World, camera: Camera, tracing: Tracing, lens: Lens | None = None, shutter: Shutter | None = None
+    ) -> None:
+        self.world, self.tracing = world, tracing
+        self.view, self.optics = compile_view(camera, lens, shutter)
+        self.sums = np.zeros((camera.height, camera.width, film.NUM_SUMS))
+        self.done = np.zeros(-(-camera.height // _BAND), np.int64)
+
+    @property
+    def samples(self) -> int:
+        """Samples that every pixel has."""
+        return int(self.done.min())
+
+    def steps(self, samples: int) -> list[tuple[int, int]]:
+        """Return (band, samples then) of the steps to `samples` per pixel, each some 0.1 to 1 s long."""
+        at_once = max(1, _PATHS_PER_STEP // (_BAND * self.view.width))
+        out = []
+        for band, done in enumerate(self.done):
+            out += [(band, min(n + at_once, samples)) for n in range(int(done), samples, at_once)]
+        # All bands grow together: a picture that is stopped is evenly exposed, but for one step.
+        return sorted(out, key=lambda step: (step[1], step[0]))
+
+    def advance(self, samples: int, label: str = "rendering") -> None:
+        """Bring every pixel to `samples` samples; an interrupt between two steps leaves sums and counts in accord."""
+        for band, then in tracked(self.steps(samples), label):
+            self.expose(band, then)
+
+    def expose(self, band: int, samples: int) -> None:
+        """Take one of the `steps`."""
+        w, t = self.world, self.tracing
+        medium, bodies = both_or_none(w.medium, w.bodies, len(w.arrays.material_kind))
+        first_row, last_row = band * _BAND, min((band + 1) * _BAND, self.view.height)
+        first = int(self.done[band])
+        with held_back():
+            film.expose(
+                w.arrays,
+                w.lights,
+                medium,
+                bodies,
+                self.view,
+                self.optics,
+                first_row,
+                last_row,
+                first,
+                samples - first,
+                t.seed & 0xFFFFFFFF,
+                t.max_bounces,
+                _ROULETTE_FROM,
+                t.specular_only,
+                float(t.clamp),
+                self.sums,
+            )
+            self.done[band] = samples
+
+    def rendering(self) -> Rendering:
+        """Return the picture so far; black where there is no sample yet."""
+        counts = np.repeat(self.done, _BAND)[: self.view.height, None, None]
+        # In place of a copy of all sums: each layer is taken for itself.
+        per_sample = 1.0 / np.maximum(counts, 1)
+
+        def mean(column: int) -> NDArray[np.float64]:
+            return self.sums[..., column : column + 3] * per_sample
+
+        radiance, specular = mean(film.RADIANCE), mean(film.SPECULAR)
+        seen, scattered = mean(film.SEEN), mean(film.SCATTERED)
+        variance = variance_of_mean(radiance, mean(film.SQUARE), counts)
+        # Differences of sums: what is 0 may come out as some units in the last place below it.
+        diffuse = np.maximum(radiance - specular - seen - scattered, 0)
+        unstopped = counts / np.maximum(counts - self.sums[..., film.STOPPED, None], 1)
+        layers = (diffuse, specular, seen, scattered, mean(film.ALBEDO) * unstopped, mean(film.NORMAL) * unstopped)
+        return Rendering(
+            radiance.astype(np.float32), variance.astype(np.float32), self.samples, *(x.astype(np.float32) for x in layers)
+        )
 
 
 def render(
@@ -79,158 +212,32 @@ def render(
     InputError
         If a number is out of range, or as `compile_optics`.
     """
-    check_range("clamp", clamp, "(0, inf]")
     check_range("samples", samples, "[1, 1048576]")
-    check_range("max_bounces", max_bounces, "[0, 1024]")
-    view, optics = _compiled(camera, lens, shutter)
-    medium, bodies = both_or_none(world.medium, world.bodies, len(world.arrays.material_kind))
-    total = np.zeros((camera.height, camera.width, 3))
-    square = np.zeros_like(total)
-    for first_row in tracked(range(0, camera.height, _ROWS_PER_STEP), label):
-        last_row = min(first_row + _ROWS_PER_STEP, camera.height)
-        args = (
-            world.arrays,
-            world.lights,
-            medium,
-            bodies,
-            view,
-            optics,
-            first_row,
-            last_row,
-            0,
-            samples,
-            seed & 0xFFFFFFFF,
-            max_bounces,
-            4,
-            specular_only,
-            clamp,
-        )
-        path.render(*args, total, square)
-    mean = total / samples
-    variance = variance_of_mean(mean, square / samples, samples)
-    return Rendering(mean.astype(np.float32), variance.astype(np.float32), samples)
+    exposure = Exposure(world, camera, Tracing(seed, max_bounces, specular_only, clamp), lens, shutter)
+    exposure.advance(samples, label)
+    return exposure.rendering()
 
 
-def _compiled(camera: Camera, lens: Lens | None, shutter: Shutter | None) -> tuple[CameraArrays, OpticsArrays | None]:
+def compile_view(camera: Camera, lens: Lens | None, shutter: Shutter | None) -> tuple[CameraArrays, OpticsArrays | None]:
+    """Return a camera as the kernels take it.
+
+    Raises
+    ------
+    InputError
+        As `compile_optics` and `compile_camera`.
+    """
     optics = compile_optics(camera, lens, shutter)
     straight = camera if optics is None else replace(camera, model="PINHOLE", k1=0.0, k2=0.0, p1=0.0, p2=0.0)
     return compile_camera(straight), optics
 
 
-def variance_of_mean(mean: NDArray[np.float64], mean_square: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
+def variance_of_mean(
+    mean: NDArray[np.float64], mean_square: NDArray[np.float64], samples: int | NDArray[np.int64]
+) -> NDArray[np.float64]:
     """Return the variance of a mean of independent samples, estimated from the mean of their squares.
 
     Scrambled Sobol samples do better than independent ones, so it is an upper estimate. One sample has no spread: its
     square, which the variance exceeds at most by chance, stands in.
     """
-    if samples == 1:
-        return mean_square
-    return np.maximum(mean_square - mean * mean, 0) / (samples - 1)
-
-
-@dataclass(frozen=True)
-class GBuffer:
-    """What each pixel's centre sees.
-
-    Attributes
-    ----------
-    face : (H, W) int64
-        Index of the triangle, -1 where the ray meets nothing.
-    barycentric : (H, W, 2) float64
-        Weights of its second and third vertex.
-    distance, depth : (H, W) float32
-        Along the ray, and along the camera's z [m]; inf where nothing is met.
-    position : (H, W, 3) float64
-        In the world [m]; NaN where nothing is met.
-    normal : (H, W, 3) float32
-        Interpolated shading normal, turned to the viewer; 0 where nothing is met.
-    uv : (H, W, 2) float32
-        Texture coordinates.
-    shape, instance : (H, W) int32
-        Index of the shape (-1: nothing), and its instance id (0: static or nothing).
-    """
-
-    face: NDArray[np.int64]
-    barycentric: NDArray[np.float64]
-    distance: NDArray[np.float32]
-    depth: NDArray[np.float32]
-    position: NDArray[np.float64]
-    normal: NDArray[np.float32]
-    uv: NDArray[np.float32]
-    shape: NDArray[np.int32]
-    instance: NDArray[np.int32]
-
-
-def gbuffer(world: World, camera: Camera, lens: Lens | None = None, shutter: Shutter | None = None) -> GBuffer:
-    """Return what each pixel's centre sees, through the middle of the lens and at the middle of its exposure.
-
-    `depth` is that before the camera at rest, as the shutter opens. Parameters and refusals are those of `render`.
-    """
-    (view, optics), w = _compiled(camera, lens, shutter), world.arrays
-    size = (camera.height, camera.width)
-    face, b1, b2, distance = np.zeros(size, np.int64), np.zeros(size), np.zeros(size), np.zeros(size)
-    path.primary(w, view, optics, face, b1, b2, distance)
-    seen = face >= 0
-    corners = w.faces[np.where(seen, face, 0)]
-    weights = np.stack([1 - b1 - b2, b1, b2], axis=-1)
-
-    def interpolated(attribute: NDArray) -> NDArray[np.float64]:
-        return np.einsum("hwk,hwkc->hwc", weights, attribute[corners].astype(np.float64))
-
-    position = np.where(seen[..., None], interpolated(w.vertices), np.nan)
-    normal = interpolated(w.normals)
-    normal /= np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-12)
-    with np.errstate(invalid="ignore"):
-        away = np.einsum("hwc,hwc->hw", normal, position - camera.position) > 0
-    normal = np.where(away[..., None], -normal, normal) * seen[..., None]
-    depth = transform_points(camera.T_camera_world, position.reshape(-1, 3))[:, 2].reshape(size)
-    shape = np.where(seen, w.face_shape[np.where(seen, face, 0)], -1).astype(np.int32)
-    instances = np.array([s.instance for s in world.shapes], np.int32)
-    return GBuffer(
-        face,
-        np.stack([b1, b2], axis=-1),
-        np.where(seen, distance, np.inf).astype(np.float32),
-        np.where(seen, depth, np.inf).astype(np.float32),
-        position,
-        normal.astype(np.float32),
-        (interpolated(w.uv) * seen[..., None]).astype(np.float32),
-        shape,
-        np.where(seen, instances[shape], 0).astype(np.int32),
-    )
-
-
-def flow_between(
-    buffer: GBuffer, camera: Camera, next_camera: Camera, motions: dict[int, NDArray[np.float64]]
-) -> NDArray[np.float32]:
-    """Return the true optical flow of what each pixel's centre sees, from one frame to the next.
-
-    Parameters
-    ----------
-    motions : dict
-        Rigid motion `T_next_now` in the world of each instance id that moves; others stand still.
-
-    Returns
-    -------
-    flow : (H, W, 2) float32
-        x right, y down [px]; NaN where the point comes to lie behind the camera. Where a ray meets nothing, what is
-        infinitely far away moves by the camera's rotation.
-    """
-    size = buffer.face.shape
-    xy = camera.pixel_centres()
-    points = buffer.position.reshape(-1, 3).copy()
-    for instance, T_next_now in motions.items():
-        moved = buffer.instance.ravel() == instance
-        points[moved] = transform_points(T_next_now, points[moved])
-    flow, _ = next_camera.project(points)
-    nothing = buffer.face.ravel() < 0
-    if nothing.any():
-        _, directions = camera.rays(xy[nothing])
-        far = next_camera.moved_to(_rotation_only(next_camera.T_world_camera))
-        flow[nothing], _ = far.project(directions)
-    return (flow - xy).reshape(*size, 2).astype(np.float32)
-
-
-def _rotation_only(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    out = T.copy()
-    out[:3, 3] = 0
-    return out
+    spread = np.maximum(mean_square - mean * mean, 0) / np.maximum(np.asarray(samples) - 1, 1)
+    return np.where(np.asarray(samples) <= 1, mean_square, spread)

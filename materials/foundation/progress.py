@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TypeVar
 
@@ -38,3 +38,22 @@ def stage(label: str) -> Iterator[None]:
     logger.info("%s …", label)
     yield
     logger.info("%s: %.1f s", label, time.perf_counter() - start)
+
+
+@contextmanager
+def gauge(label: str) -> Iterator[Callable[[float, str], None]]:
+    """Yield a function that shows how far work of unknown length is: a share in [0, 1], and words beside the bar."""
+    if not _shown:
+        yield lambda share, words: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[words]}"))
+    with Progress(*columns, console=Console(stderr=True), transient=not sys.stderr.isatty()) as progress:
+        task = progress.add_task(label, total=1.0, words="")
+
+        def show(share: float, words: str) -> None:
+            progress.update(task, completed=min(max(share, 0.0), 1.0), words=words)
+
+        yield show

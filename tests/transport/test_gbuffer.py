@@ -12,7 +12,8 @@ from scene.camera import Camera
 from scene.simulation import EnvironmentLight, Film, Material, Shape, Simulation
 from scene.transforms import invert, transform_points
 from tests.transport.worlds import ball, camera, floor, grey, rectangle, world
-from transport.render import flow_between, gbuffer, render
+from transport.gbuffer import flow_between, gbuffer
+from transport.render import render
 from transport.world import compile_camera, compile_world
 
 VIEW = camera((-6, 1, 2), (0, 0, 0), 40, 30, 50)

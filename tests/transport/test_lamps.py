@@ -128,7 +128,7 @@ def test_paths_lamps_and_both_together_agree_on_direct_light(name):
 
 def first_lamp(lit):
     """Return where the camera sees no reflecting surface: there is nothing to compare."""
-    from transport.render import gbuffer
+    from transport.gbuffer import gbuffer
 
     seen = gbuffer(lit, LOOK)
     floor_index = [s.name for s in lit.shapes].index("floor")

@@ -13,8 +13,9 @@ from scene.camera import Camera
 from scene.simulation import Lens, Material
 from scene.transforms import look_at
 from tests.transport.worlds import rectangle, world
+from transport.gbuffer import gbuffer
 from transport.lens import Shutter
-from transport.render import gbuffer, render
+from transport.render import render
 
 AT = look_at([0, 0, 0], [0, 1, 0])  # x right is the world's x, y down its -z
 VIEW = Camera("PINHOLE", 80, 40, AT, 100.0, 100.0, 40.0, 20.0)

@@ -16,9 +16,10 @@ from scene.grid import GroundGrid
 from scene.simulation import EnvironmentLight, Material, Medium, PointLight, Shape, Simulation, SphereLight
 from scene.wetting.spray import spray_over
 from scene.wetting.spray_settings import SpraySettings
-from tests.transport.worlds import WHITE, camera, floor, mean_and_error, rectangle
+from tests.transport.worlds import WHITE, camera, floor, grey, mean_and_error, rectangle
 from transport.media import compile_medium, compile_spray, transmittance
 from transport.render import render
+from transport.render_layers import label_layers
 from transport.world import compile_world
 
 # The 40 z-tests of this file share 1 % (Sidak).
@@ -208,3 +209,22 @@ def test_white_ground_below_spray_cannot_be_seen_in_an_even_sky():
 def test_a_medium_that_cannot_be_is_refused(medium, words):
     with pytest.raises(InputError, match=words):
         compile_medium(medium)
+
+
+def test_layers_of_a_picture_in_fog_are_what_got_through_and_what_was_scattered():
+    # A matte wall that fills the view, behind 2 m of fog, lit by the sky behind the camera alone.
+    wall = rectangle((5.0, 40.0, 40.0), (0, -80, 0), (0, 0, -80))
+    simulation = Simulation(
+        (Shape("wall", wall, "m"),), {"m": grey(0.5)}, {"sky": EnvironmentLight(WHITE)}, medium=Medium(0.2, bounds=BOX)
+    )
+    lit, view = compile_world(simulation), camera((0, 0, 0), (1, 0, 0), 8, 6, 10)
+    labels = label_layers(lit, view)
+    distance = np.linalg.norm((view.pixel_centres() - (4, 3)) / view.fx, axis=1)
+    expected = np.exp(-0.2 * 2 * np.sqrt(1 + distance**2)).reshape(6, 8)
+    np.testing.assert_allclose(labels["transmittance.Y"], expected, rtol=1e-4)
+    picture = render(lit, view, samples=64)
+    assert picture.scattered.min() > 0 and picture.specular.max() == 0 and picture.seen.max() == 0
+    np.testing.assert_allclose(picture.scattered + picture.diffuse, picture.radiance, rtol=1e-6)
+    # Paths that particles stop say nothing of the wall: its albedo is whole.
+    np.testing.assert_allclose(picture.albedo, 0.5, rtol=1e-6)
+    np.testing.assert_allclose(picture.normal[..., 0], -1, rtol=1e-6)

@@ -15,9 +15,9 @@ from materials.kernels.frames import dot, normalize, refract
 from materials.kernels.fresnel import dielectric
 
 from .optics import camera_ray
-from .path import TILE
 from .rays import hit_normal, intersect, ray_buffer
 from .sampler import draw2, hash2
+from .tiles import TILE
 from .wet import reflected_radiance
 
 _FAR = 1e30

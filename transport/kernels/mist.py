@@ -18,10 +18,10 @@ from materials.kernels.frames import dot
 from .emitters import FAR
 from .media import extinction, flight, phase_of, span, tracking, uniform
 from .optics import camera_ray
-from .path import TILE
 from .projected import GROUND, faces_viewer, nearest, role_of
 from .rays import ray_buffer
 from .sampler import draw1, draw2, hash2
+from .tiles import TILE
 from .wet import lobe_at, mirrored, reflected_radiance, water_at
 
 # Distance of the points [m], about two of the noise's largest cells, and how many there are at the least and the most.

@@ -6,9 +6,9 @@ compiles the tracer without a trace of media.
 """
 
 import math
+from typing import NamedTuple
 
-import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from materials.kernels import bsdf, phase
 from materials.kernels.frames import basis, dot, to_local, to_world
@@ -18,11 +18,10 @@ from .airlight import airlight
 from .arrays import ONE_SIDED, SUN_POWER
 from .bodies import body_behind, fly, passage, scatter_in
 from .emitters import emitted, sphere_seen, surface_density
+from .first_surface import base_colour, specular_part, specular_share, without_diffuse
 from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
 from .media import tracking
-from .optics import central_ray, sample_ray
-from .rays import ray_buffer
-from .sampler import draw1, draw2, hash2
+from .sampler import draw1, draw2
 from .shading import (
     Hit,
     cross,
@@ -37,14 +36,30 @@ from .shading import (
     power_heuristic,
     surface_at,
     valid_normal,
-    without_diffuse,
 )
 from .visibility import first_hit, is_visible
 
-TILE = 16
 # Dimensions of the sampler: 0 is the pixel, then a block per bounce.
 _PER_BOUNCE = 16
 _FLIGHT, _CHOICE, _DIRECTION, _LOBE, _ROULETTE, _LIGHTS = 0, 1, 2, 3, 4, 5
+# What a path met first: light itself (a lamp, the sky, nothing), a surface, or a particle in a medium.
+LIGHT, SURFACE, PARTICLE = 0, 1, 2
+_BLACK = (0.0, 0.0, 0.0)
+_ALL = (1.0, 1.0, 1.0)
+
+
+class Sample(NamedTuple):
+    """What one path found; colours and vectors are 3-tuples.
+
+    `specular` is what of the radiance the first surface turned by its specular lobes; `albedo` and `normal` are that
+    surface's, 0 where the path met something else first.
+    """
+
+    radiance: tuple
+    specular: tuple
+    first: int
+    albedo: tuple
+    normal: tuple
 
 
 @njit(cache=True)
@@ -90,10 +105,14 @@ def _facing(ng, two_faced, w):
 
 
 @njit(cache=True)
-def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced):
-    """Return the light that reaches a surface straight from the lights, through the medium, and leaves it along wo."""
+def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced, splits):
+    """Return the light that reaches a surface straight from the lights, through the medium, and leaves it along wo.
+
+    With `splits`, also what of it the specular lobes turn; black else.
+    """
     t, bt, n = frame
     r = g = b = 0.0
+    sr = sg = sb = 0.0
     # Lamps are aimed at from where the ray will start: a lamp seen edge-on would else stop the ray that is to reach it.
     p = hit.p if two_faced else leave(hit.p, hit.ng, hit.ng)
     for i in range(num_lights(lights)):
@@ -124,7 +143,25 @@ def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimens
         r += f[0] * e[0] * w
         g += f[1] * e[1] * w
         b += f[2] * e[2] * w
-    return r, g, b
+        if splits:
+            f = specular_part(surface, wo, wi, f)
+            sr += f[0] * e[0] * w
+            sg += f[1] * e[1] * w
+            sb += f[2] * e[2] * w
+    return (r, g, b), (sr, sg, sb)
+
+
+@njit(cache=True)
+def _gather(total, specular, beta, e, share, limit):
+    """Return the sums of all and of specular light with e of weight beta added, cut off at `limit`."""
+    r, g, b = min(beta[0] * e[0], limit), min(beta[1] * e[1], limit), min(beta[2] * e[2], limit)
+    all_light = (total[0] + r, total[1] + g, total[2] + b)
+    return all_light, (specular[0] + share[0] * r, specular[1] + share[1] * g, specular[2] + share[2] * b)
+
+
+@njit(cache=True)
+def _times(a, b):
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
 @njit(cache=True)
@@ -151,26 +188,29 @@ def scattering_frame(world, hit, normal, wo_world, anisotropic):
 def radiance(
     world, lights, medium, bodies, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp
 ):
-    """Return an estimate (r, g, b) of the radiance that arrives at `origin` from `direction`.
+    """Return a `Sample`: an estimate of the radiance that arrives at `origin` from `direction`, and how it came about.
 
     With `specular_only` the first surface scatters by its specular lobes alone; as radiance is linear in the lobes,
     the difference to the whole is its diffuse part. What reaches the first surface by way of another is cut off at
     `clamp` (infinity: unbiased): rare paths that find the sun in a mirror otherwise show as isolated bright pixels.
+
+    Specular light is a share of each estimate, that of the specular lobes in the first surface's f along its next
+    direction: it costs no further path, and cannot exceed the whole.
     """
-    lr = lg = lb = 0.0
-    br = bg = bb = 1.0
+    total = specular = albedo = shown = _BLACK
+    beta = _ALL
+    share = _BLACK  # of specular light in what is still to come: nothing before the first surface
+    first = LIGHT
     o, d = origin, direction
     pdf = 0.0
     is_delta = True
     body = -1
     for bounce in range(max_bounces + 1):
         if bounce >= roulette_from:
-            survival = min(0.95, max(br, max(bg, bb)))
+            survival = min(0.95, max(beta[0], max(beta[1], beta[2])))
             if draw1(stream, index, 1 + (bounce - 1) * _PER_BOUNCE + _ROULETTE) >= survival:
-                return lr, lg, lb
-            br /= survival
-            bg /= survival
-            bb /= survival
+                break
+            beta = (beta[0] / survival, beta[1] / survival, beta[2] / survival)
         dimension = 1 + bounce * _PER_BOUNCE
         if medium is None:
             face, b1, b2, distance = first_hit(world, buffer, s, o, d)
@@ -178,18 +218,15 @@ def radiance(
             u, state = draw1(stream, index, dimension + _FLIGHT), tracking(stream, index, dimension)
             collided, face, b1, b2, distance, p, body = fly(world, medium, bodies, body, buffer, s, u, state, o, d)
             if collided:
+                if bounce == 0:
+                    first = PARTICLE
                 if bounce == max_bounces:
-                    return lr, lg, lb
-                albedo, turns = scatter_in(medium, bodies, body)
-                br *= albedo[0]
-                bg *= albedo[1]
-                bb *= albedo[2]
-                first, count = dimension + _LIGHTS, _PER_BOUNCE - _LIGHTS
-                e = airlight(world, lights, medium, bodies, body, buffer, s, stream, index, first, count, p, d)
-                limit = clamp if bounce > 0 else math.inf
-                lr += min(br * e[0], limit)
-                lg += min(bg * e[1], limit)
-                lb += min(bb * e[2], limit)
+                    break
+                scattered, turns = scatter_in(medium, bodies, body)
+                beta = _times(beta, scattered)
+                near, count = dimension + _LIGHTS, _PER_BOUNCE - _LIGHTS
+                e = airlight(world, lights, medium, bodies, body, buffer, s, stream, index, near, count, p, d)
+                total, specular = _gather(total, specular, beta, e, share, clamp if bounce > 0 else math.inf)
                 u0, u1 = draw2(stream, index, dimension + _DIRECTION)
                 turned = phase.sample(turns, d, u0, u1)
                 pdf, is_delta = phase.evaluate(turns, dot(d, turned)), False
@@ -197,27 +234,34 @@ def radiance(
                 continue
         if face < 0:
             e = beyond(world, lights, o, d, pdf, is_delta)
-            limit = clamp if bounce > 1 else math.inf
-            return lr + min(br * e[0], limit), lg + min(bg * e[1], limit), lb + min(bb * e[2], limit)
+            total, specular = _gather(total, specular, beta, e, share, clamp if bounce > 1 else math.inf)
+            break
         hit = hit_at(world, face, b1, b2)
         wo_world = _flip(d)
         kind = world.material_kind[hit.material]
         two_faced = is_two_faced(kind)
         if emits(kind):
             e = glow(world, lights, hit, d, distance, pdf, is_delta)
-            limit = clamp if bounce > 1 else math.inf
-            return lr + min(br * e[0], limit), lg + min(bg * e[1], limit), lb + min(bb * e[2], limit)
-        if bounce == max_bounces:
-            return lr, lg, lb
+            total, specular = _gather(total, specular, beta, e, share, clamp if bounce > 1 else math.inf)
+            break
+        if bounce == 0:
+            first = SURFACE
+        elif bounce == max_bounces:
+            break
         if not two_faced and dot(hit.ng, wo_world) < 0.0:
             if world.material_values[hit.material, ONE_SIDED] > 0.5:
-                return lr, lg, lb
+                break
             hit = Hit(hit.face, hit.material, hit.u, hit.v, hit.p, _flip(hit.ng), _flip(hit.ns))
         coverage = film_coverage(world, hit)
         below_film = coverage > 0.0 and draw1(stream, index, dimension + _CHOICE) < coverage
         surface = surface_at(world, hit, below_film)
-        if bounce == 0 and specular_only:
-            surface = without_diffuse(surface)
+        if bounce == 0:
+            albedo = base_colour(surface)
+            shown = hit.ns if dot(hit.ns, wo_world) > 0.0 else _flip(hit.ns)
+            if max_bounces == 0:
+                break
+            if specular_only:
+                surface = without_diffuse(surface)
         if two_faced:
             t, b = basis(hit.ns)
             frame = (t, b, hit.ns)
@@ -228,74 +272,22 @@ def radiance(
         t, b, n = frame
         wo = to_local(wo_world, t, b, n)
         if not bsdf.is_specular(surface):
-            e = direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced)
-            limit = clamp if bounce > 0 else math.inf
-            lr += min(br * e[0], limit)
-            lg += min(bg * e[1], limit)
-            lb += min(bb * e[2], limit)
+            splits = bounce == 0
+            e, mirrored = direct(
+                world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced, splits
+            )
+            total, specular = _gather(total, specular, beta, e, share, math.inf if splits else clamp)
+            if splits:
+                specular = mirrored
         u0, u1 = draw2(stream, index, dimension + _DIRECTION)
         wi, weight, pdf, is_delta = bsdf.sample(surface, wo, u0, u1, draw1(stream, index, dimension + _LOBE))
-        br *= weight[0]
-        bg *= weight[1]
-        bb *= weight[2]
+        if bounce == 0:
+            share = _ALL if is_delta else specular_share(surface, wo, wi, weight, pdf)
+        beta = _times(beta, weight)
         d = to_world(wi, t, b, n)
-        if br + bg + bb <= 0.0 or not _facing(hit.ng, two_faced, d):
-            return lr, lg, lb
+        if beta[0] + beta[1] + beta[2] <= 0.0 or not _facing(hit.ng, two_faced, d):
+            break
         o = leave(hit.p, hit.ng, d)
         if medium is not None and two_faced:
             body = body_behind(bodies, hit.material, hit.ng, d)
-    return lr, lg, lb
-
-
-@njit(cache=True, parallel=True)
-def render(
-    world,
-    lights,
-    medium,
-    bodies,
-    camera,
-    optics,
-    first_row,
-    last_row,
-    first,
-    count,
-    seed,
-    max_bounces,
-    roulette_from,
-    specular_only,
-    clamp,
-    total,
-    square,
-):
-    """Add `count` samples, numbered from `first`, to the sums of radiance and of its square over some rows of pixels.
-
-    Each pixel is summed by one thread in the order of its samples: the number of threads cannot change a bit.
-    """
-    width = camera.width
-    tiles_x = (width + TILE - 1) // TILE
-    tiles_y = (last_row - first_row + TILE - 1) // TILE
-    for tile in prange(tiles_x * tiles_y):
-        buffer, s = ray_buffer()
-        x0, y0 = (tile % tiles_x) * TILE, first_row + (tile // tiles_x) * TILE
-        for row in range(y0, min(y0 + TILE, last_row)):
-            for col in range(x0, min(x0 + TILE, width)):
-                stream = hash2(np.uint32(row * width + col), np.uint32(seed))
-                for i in range(first, first + count):
-                    jx, jy = draw2(stream, i, 0)
-                    o, d = sample_ray(camera, optics, stream, i, col + jx, row + jy)
-                    e = radiance(
-                        world, lights, medium, bodies, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp
-                    )
-                    for c in range(3):
-                        total[row, col, c] += e[c]
-                        square[row, col, c] += e[c] * e[c]
-
-
-@njit(cache=True, parallel=True)
-def primary(world, camera, optics, face, b1, b2, distance):
-    """Fill (H, W) arrays with what each pixel's centre sees: face (-1: nothing), barycentric coordinates, distance [m]."""
-    for row in prange(camera.height):
-        buffer, s = ray_buffer()
-        for col in range(camera.width):
-            o, d = central_ray(camera, optics, col + 0.5, row + 0.5)
-            face[row, col], b1[row, col], b2[row, col], distance[row, col] = first_hit(world, buffer, s, o, d)
+    return Sample(total, specular, first, albedo, shown)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from numba import njit
 
 from materials.kernels.frames import basis, dot, normalize
-from materials.kernels.kinds import COATED, DIELECTRIC, DISNEY, EMISSION, GGX, PLAIN, ROUGH_DIELECTRIC, Surface
+from materials.kernels.kinds import COATED, DIELECTRIC, EMISSION, GGX, PLAIN, ROUGH_DIELECTRIC, Surface
 
 from .arrays import (
     ALBEDO,
@@ -281,18 +281,6 @@ def surface_at(world, hit, below_film):
         tint_b *= lookup(world.texels, world.texture_info, texture, hit.u, hit.v, 2)
     more = (tint_r, tint_g, tint_b, q[3], q[4], q[5], q[6], q[7], q[8], q[9])
     return Surface(kind, r, g, b, row[SPECULAR_SCALE], row[ETA], alpha_u, alpha_v, 1.33, 0.0, 0.0, 0.0, 0.0, more)
-
-
-@njit(cache=True)
-def without_diffuse(x):
-    """Return a surface with its specular lobes alone."""
-    r, g, b, more = 0.0, 0.0, 0.0, x.more
-    if x.kind == DISNEY:
-        # The base colour also tints the lobes of a metal.
-        r, g, b = x.albedo_r, x.albedo_g, x.albedo_b
-        more = (more[0], more[1], more[2], more[3], more[4], more[5], more[6], more[7], more[8], 0.0)
-    scale, film, eta = x.specular_scale, x.film_alpha, x.film_eta
-    return Surface(x.kind, r, g, b, scale, x.eta, x.alpha_u, x.alpha_v, eta, film, x.tau_r, x.tau_g, x.tau_b, more)
 
 
 @njit(cache=True)

@@ -23,11 +23,11 @@ from materials.kernels.wetness import levels, wet_lobe
 from .emitters import FAR
 from .media import flight, phase_of, tracking, uniform
 from .optics import camera_ray
-from .path import TILE
 from .projected import GROUND, faces_viewer, nearest, project, radiance_of, role_of, sky_radiance
 from .rays import ray_buffer
 from .sampler import draw2, hash2
 from .shading import leave, shading_normal
+from .tiles import TILE
 
 _PER_BOUNCE = 4
 # Below this width the lobe is narrower than a pixel's own angle; the floor keeps the microfacet formulas finite.
