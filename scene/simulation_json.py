@@ -16,17 +16,89 @@ class ShapeJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     normal_map: str | None = None
 
 
+class FilmJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    coverage: float | str
+    thickness: float | str = 0.0
+    eta: float = 1.33
+    sigma_a: Three = (0.3, 0.06, 0.02)
+    alpha: float = 0.0
+    level: bool = True
+
+
+class InteriorJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    sigma_t: float
+    albedo: Three = (1.0, 1.0, 1.0)
+    g: float = 0.0
+
+
+class MetalJson(msgspec.Struct, forbid_unknown_fields=True):
+    eta: Three
+    k: Three
+
+
+class TailJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    scale: float
+    alpha: float
+    alpha_v: float | None = None
+
+
+class PrincipledJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
+    metallic: float = 0.0
+    subsurface: float = 0.0
+    specular: float = 0.5
+    specular_tint: float = 0.0
+    roughness: float = 0.5
+    anisotropic: float = 0.0
+    sheen: float = 0.0
+    sheen_tint: float = 0.5
+    clearcoat: float = 0.0
+    clearcoat_gloss: float = 1.0
+
+
 class MaterialJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
-    model: Literal["lambert", "ggx"]
+    """A material with the keys of all models; which belong to which is said in `simulation_materials.KEYS`."""
+
+    model: Literal[
+        "lambert",
+        "oren_nayar",
+        "ggx",
+        "cook_torrance",
+        "ward",
+        "phong",
+        "conductor",
+        "disney",
+        "coated",
+        "mirror",
+        "dielectric",
+        "rough_dielectric",
+        "emission",
+    ]
     albedo_texture: str | None = None
     albedo: Three | None = None
-    albedo_scale: float = 1.0
+    albedo_scale: float | None = None
     eta: float | None = None
     alpha: float | None = None
     alpha_u: float | None = None
     alpha_v: float | None = None
+    alpha_texture: str | None = None
+    tangent_angle: float | None = None
     specular_scale: float | None = None
+    tint: Three | None = None
+    tint_texture: str | None = None
+    tail: TailJson | None = None
+    normalisation: Literal["bounded", "original", "duer"] | None = None
+    sigma: float | None = None
+    metal: str | MetalJson | None = None
+    principled: PrincipledJson | None = None
+    emission: Three | None = None
+    emission_texture: str | None = None
+    film: FilmJson | None = None
+    interior: InteriorJson | None = None
     normal_texture: str | None = None
+    bump_texture: str | None = None
+    bump_scale: float | None = None
+    opacity_texture: str | None = None
+    one_sided: bool | None = None
     free: list[str] = []
 
 
@@ -35,13 +107,15 @@ class PointJson(msgspec.Struct, forbid_unknown_fields=True, tag="point"):
     intensity: Three
 
 
-class DirectionalJson(msgspec.Struct, forbid_unknown_fields=True, tag="directional"):
+class DirectionalJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True, tag="directional"):
     direction: Three
     irradiance: Three
+    angular_radius: float = 0.0
 
 
-class EnvironmentJson(msgspec.Struct, forbid_unknown_fields=True, tag="environment"):
-    radiance: Three
+class EnvironmentJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True, tag="environment"):
+    radiance: Three | None = None
+    panorama: str | None = None
 
 
 class SphereJson(msgspec.Struct, forbid_unknown_fields=True, tag="sphere"):

@@ -18,7 +18,7 @@ from scene.camera import Camera
 from scene.images import read_image
 from scene.mesh import Mesh
 from scene.recording import Frame, Noise, Recording, read_recording, select_frames
-from scene.simulation import DirectionalLight, EnvironmentLight, PointLight, Simulation
+from scene.simulation import DirectionalLight, EnvironmentLight, Material, PointLight, Simulation
 from scene.simulation_file import read_simulation
 from transport.world import World, compile_world
 
@@ -224,6 +224,7 @@ def _build(recording: Recording, simulation: Simulation) -> Case:
     if other:
         remedy = "Put a point light in its place: `light_extent` tells whether it has one."
         raise InputError("be a point, directional or environment light", key=f"lights.{other[0]}", remedy=remedy)
+    _check_diagnosable(simulation)
     skies = {n for n, light in simulation.lights.items() if isinstance(light, EnvironmentLight)}
     lit = [_lit(f, i, simulation) for i, f in enumerate(recording.frames)]
     width = max(1, *(len([n for n in on if n not in skies]) for on in lit))
@@ -254,6 +255,38 @@ def _build(recording: Recording, simulation: Simulation) -> Case:
         recording.noise is None,
         tuple(notes),
     )
+
+
+_UNKNOWN_TO_DIAGNOSIS = (
+    "film",
+    "alpha_texture",
+    "opacity_texture",
+    "bump_texture",
+    "tangent_angle",
+    "tint",
+    "tint_texture",
+    "tail",
+    "one_sided",
+)
+
+
+def _check_diagnosable(simulation: Simulation) -> None:
+    """Refuse what the tracer renders, and the fast model of the diagnosis does not know."""
+    remedy = "`meniscus render` makes pictures of it; a diagnosis begins with lambert and ggx."
+    for name, m in simulation.materials.items():
+        if m.model not in ("lambert", "ggx"):
+            raise InputError("be lambert or ggx to be diagnosed", got=m.model, key=f"materials.{name}.model", remedy=remedy)
+        plain = Material(m.model)
+        for key in _UNKNOWN_TO_DIAGNOSIS:
+            value = getattr(m, key)
+            if isinstance(value, np.ndarray) or value != getattr(plain, key):
+                raise InputError("be left out to be diagnosed", key=f"materials.{name}.{key}", remedy=remedy)
+    for name, light in simulation.lights.items():
+        if isinstance(light, EnvironmentLight) and light.panorama is not None:
+            raise InputError("be an even radiance to be diagnosed", got="a panorama", key=f"lights.{name}", remedy=remedy)
+        if isinstance(light, DirectionalLight) and light.angular_radius > 0:
+            got = light.angular_radius
+            raise InputError("be 0 to be diagnosed", got=got, key=f"lights.{name}.angular_radius", remedy=remedy)
 
 
 def _lit(frame: Frame, i: int, simulation: Simulation) -> tuple[str, ...]:
