@@ -75,7 +75,7 @@ class Normals:
 def lambert_normals(photographs: ABRDF) -> Floats:
     """Return normals (P, 3) by plain least squares over all images: the baseline of the field (Woodham 1980)."""
     lights, values = _data(photographs)
-    return _facing(kernel.least_squares_normals(lights, values, 0, len(lights)))
+    return _facing(kernel.least_squares_normals(lights, values, _ranked(values, 0)))
 
 
 def robust_normals(photographs: ABRDF, settings: NormalSettings = NormalSettings()) -> Normals:
@@ -105,15 +105,16 @@ def robust_normals(photographs: ABRDF, settings: NormalSettings = NormalSettings
     num = len(lights)
     # The start: without the darkest (shadows) and the brightest fifth (highlights), where enough remain.
     cut = num // 5 if num >= 15 else 0
-    start = _facing(kernel.least_squares_normals(lights, values, cut, num - cut))
+    start = _facing(kernel.least_squares_normals(lights, values, _ranked(values, cut)))
     steps = np.radians([8.0, 4.0, 2.0, 1.0, 0.5, 0.25])
     alphas = np.array(settings.alphas, np.float64)
+    floor = np.maximum(settings.floor * np.median(values, axis=1), 1e-9)
     misfit, coefficients = np.empty(len(values)), np.empty((len(values), 1 + len(alphas)))
     # In batches, so that the bar moves and Ctrl-C is heard; pixels are independent, so this changes nothing.
     for first in tracked(range(0, len(values), _BATCH), "estimating normals"):
         part = slice(first, first + _BATCH)
         misfit[part], coefficients[part] = kernel.fit_normals(
-            lights, values[part], start[part], alphas, settings.spread, settings.floor, steps, settings.rounds
+            lights, values[part], start[part], alphas, settings.spread, floor[part], steps, settings.rounds
         )
     return Normals(start, misfit, coefficients)
 
@@ -137,7 +138,13 @@ def _data(photographs: ABRDF) -> tuple[Floats, Floats]:
     check_shape("wi", flat.wi, (None, 3))
     if len(flat.wi) < 4:
         raise InputError("hold at least four images", got=len(flat.wi), key="photographs")
-    return np.ascontiguousarray(flat.wi, np.float64), flat.value.mean(axis=2, dtype=np.float64)
+    # Contiguous, whatever was selected: the kernels are compiled once.
+    return np.ascontiguousarray(flat.wi, np.float64), np.ascontiguousarray(flat.value.mean(axis=2, dtype=np.float64))
+
+
+def _ranked(values: Floats, cut: int) -> NDArray[np.int64]:
+    """Return the lights of each pixel (P, N - 2 cut) in the order of its values, without the `cut` lowest and highest."""
+    return np.ascontiguousarray(np.argsort(values, axis=1)[:, cut : values.shape[1] - cut])
 
 
 def _facing(normal: Floats) -> Floats:

@@ -46,23 +46,20 @@ def wide_blur(pictures: Floats, sigma: float) -> Floats:
     Wide ones are taken on smaller pictures: at a quarter of sigma a pixel nothing is lost.
     """
     step = int(np.clip(sigma / 4, 1, 8))
+    # Averages over a step and their interpolation are a blur of their own: variance (step² - 1) / 12 and step² / 6.
+    rest = max(sigma**2 - (step**2 - 1) / 12 - (step**2 / 6 if step > 1 else 0), 0.01)
     out = np.empty_like(pictures)
-    reach = int(4 * sigma) // step + 2
     for f, picture in enumerate(pictures):
         height, width = picture.shape[:2]
-        pad_y, pad_x = -height % step, -width % step
-        small = cv2.copyMakeBorder(picture, 0, pad_y, 0, pad_x, cv2.BORDER_REFLECT)
+        small = cv2.copyMakeBorder(picture, 0, -height % step, 0, -width % step, cv2.BORDER_REFLECT)
         if step > 1:
             small = cv2.resize(small, (small.shape[1] // step, small.shape[0] // step), interpolation=cv2.INTER_AREA)
-        padded = cv2.copyMakeBorder(small, reach, reach, reach, reach, cv2.BORDER_REFLECT)
-        # Averages over a step and their interpolation are a blur of their own: variance (step² - 1) / 12 and step² / 6.
-        rest = max(sigma**2 - (step**2 - 1) / 12 - (step**2 / 6 if step > 1 else 0), 0.01)
-        blurred = cv2.GaussianBlur(padded, (0, 0), float(np.sqrt(rest)) / step)
+        small = cv2.GaussianBlur(small, (0, 0), float(np.sqrt(rest)) / step, borderType=cv2.BORDER_REFLECT)
+        # The blur of a mirror image is the mirror image of the blur: one pixel of it is all that interpolation asks for.
+        small = cv2.copyMakeBorder(small, 1, 1, 1, 1, cv2.BORDER_REFLECT)
         if step > 1:
-            size = (blurred.shape[1] * step, blurred.shape[0] * step)
-            blurred = cv2.resize(blurred, size, interpolation=cv2.INTER_LINEAR)
-        first = reach * step
-        out[f] = blurred[first : first + height, first : first + width]
+            small = cv2.resize(small, (small.shape[1] * step, small.shape[0] * step), interpolation=cv2.INTER_LINEAR)
+        out[f] = small[step : step + height, step : step + width]
     return out
 
 

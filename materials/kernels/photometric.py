@@ -66,7 +66,8 @@ def _misfit(n, lights, y, floor, spread, alphas, start, rounds, shade, gram, rig
     """
     num, terms = shade.shape
     _shade(n, lights, alphas, shade)
-    w[:] = start
+    for j in range(num):
+        w[j] = start[j]
     total = 0.0
     for _ in range(rounds):
         right[:] = 0.0
@@ -91,10 +92,10 @@ def _misfit(n, lights, y, floor, spread, alphas, start, rounds, shade, gram, rig
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def fit_normals(lights, values, normals, alphas, spread, floor_share, steps, rounds):
+def fit_normals(lights, values, normals, alphas, spread, floor, steps, rounds):
     """Improve normals (P, 3) in place; return the mean misfit (P,) and the coefficients (P, 1 + A).
 
-    values is (P, N). A pattern search on the sphere, steps [rad] from coarse to fine, as the misfit has kinks where
+    values is (P, N), floor (P,). A pattern search on the sphere, steps [rad] from coarse to fine, as the misfit has kinks where
     lights set.
     """
     num_pixels, num = values.shape
@@ -103,12 +104,11 @@ def fit_normals(lights, values, normals, alphas, spread, floor_share, steps, rou
     for i in prange(num_pixels):
         shade, gram, right, c, w = np.empty((num, terms)), np.empty((terms, terms)), np.empty(terms), np.zeros(terms), np.empty(num)
         y = values[i]
-        floor = max(floor_share * np.median(y), 1e-9)
         start = np.empty(num)
         for j in range(num):
-            start[j] = 1.0 / (spread * y[j] + floor) ** 2
+            start[j] = 1.0 / (spread * y[j] + floor[i]) ** 2
         n = (normals[i, 0], normals[i, 1], normals[i, 2])
-        best = _misfit(n, lights, y, floor, spread, alphas, start, rounds, shade, gram, right, c, w)
+        best = _misfit(n, lights, y, floor[i], spread, alphas, start, rounds, shade, gram, right, c, w)
         for step in steps:
             for _ in range(6):
                 t, b = basis(n)
@@ -124,27 +124,27 @@ def fit_normals(lights, values, normals, alphas, spread, floor_share, steps, rou
                     )
                     if q[2] < _LOWEST_COS:
                         continue
-                    m = _misfit(q, lights, y, floor, spread, alphas, start, rounds, shade, gram, right, c, w)
+                    m = _misfit(q, lights, y, floor[i], spread, alphas, start, rounds, shade, gram, right, c, w)
                     if m < best:
                         best, n, moved = m, q, True
                 if not moved:
                     break
-        misfit[i] = _misfit(n, lights, y, floor, spread, alphas, start, rounds, shade, gram, right, c, w) / num
-        coefficients[i] = c
-        normals[i] = n
+        misfit[i] = _misfit(n, lights, y, floor[i], spread, alphas, start, rounds, shade, gram, right, c, w) / num
+        for k in range(terms):
+            coefficients[i, k] = c[k]
+        normals[i, 0], normals[i, 1], normals[i, 2] = n
     return misfit, coefficients
 
 
 @njit(cache=True, error_model="numpy", parallel=True)
-def least_squares_normals(lights, values, low, high):
-    """Return normals (P, 3), least squares over the values of rank [low, high) of each pixel; null where undetermined."""
+def least_squares_normals(lights, values, used):
+    """Return normals (P, 3), least squares over each pixel's lights `used` (P, M); null where undetermined."""
     num_pixels = len(values)
     out = np.zeros((num_pixels, 3))
     for i in prange(num_pixels):
-        order = np.argsort(values[i])
         a = np.zeros((3, 3))
         y = np.zeros(3)
-        for j in order[low:high]:
+        for j in used[i]:
             for p in range(3):
                 y[p] += lights[j, p] * values[i, j]
                 for q in range(3):
@@ -162,5 +162,6 @@ def least_squares_normals(lights, values, low, high):
                 out[i, p] = cross[p, 0] * y[0] + cross[p, 1] * y[1] + cross[p, 2] * y[2]
             length = math.sqrt(out[i, 0] ** 2 + out[i, 1] ** 2 + out[i, 2] ** 2)
             if length > 0.0:
-                out[i] /= length
+                for p in range(3):
+                    out[i, p] /= length
     return out

@@ -60,19 +60,22 @@ def test_black_pixels_face_the_camera_and_stay_finite():
 
 
 @pytest.mark.parametrize(
-    ("name", "first", "baseline", "best"),
-    # Least squares as measured under this protocol; the best figures of methods that do not learn (Shi et al. 2019)
-    [("diligent_ball", 0, 4.29, 1.74), ("diligent_bear", 20, 9.06, 6.12), ("diligent_bear", 0, 8.94, 6.12)],
+    ("name", "start", "step"),
+    # Every 12th pixel of the ball and every 144th of the bear, to be quick: the standard errors are 0.02 (ball, which is
+    # better by two of them) and 0.3 degrees (bear, by six).
+    [("diligent_ball", {0: 4.29}, 12), ("diligent_bear", {20: 9.06, 0: 8.94}, 144)],
 )
-def test_real_objects_come_out_better_than_the_best_method_that_does_not_learn(shared_data, name, first, baseline, best):
-    p = read_photographs(shared_data / name, slice(first, None))
+def test_real_objects_come_out_better_than_the_best_method_that_does_not_learn(shared_data, name, start, step):
+    best = {"diligent_ball": 1.74, "diligent_bear": 6.12}[name]  # Shi et al. 2019
+    p = read_photographs(shared_data / name)
     assert p.normal is not None
     truth = p.normal[p.mask]
-    plain = angular_error_deg(lambert_normals(p.abrdf), truth).mean()
-    assert plain == pytest.approx(baseline, abs=0.01)
-    # Every 12th pixel, to be quick: the standard error of the mean of 1300 pixels is about 0.03 (ball), 0.1 (bear)
-    some = replace(p.abrdf, value=p.abrdf.value[::12], valid=p.abrdf.valid[::12], mask=None)
-    assert angular_error_deg(robust_normals(some).normal, truth[::12]).mean() < best
+    for first, baseline in start.items():  # without the bear's first 20, which are damaged, and with them
+        a = p.abrdf.select(np.arange(first, len(p.lights)))
+        # Least squares as measured under this protocol.
+        assert angular_error_deg(lambert_normals(a), truth).mean() == pytest.approx(baseline, abs=0.01)
+        some = replace(a, value=a.value[::step], valid=a.valid[::step], mask=None)
+        assert angular_error_deg(robust_normals(some).normal, truth[::step]).mean() < best
 
 
 def test_what_cannot_be_used_is_refused():
