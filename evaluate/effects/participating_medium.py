@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..kernels import veil
-from ..mismatch.case import Case
+from ..mismatch.case import Case, Floats
 from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State, eyes, frame_of, open_sky, sight
 from ..mismatch.sensor_plane import offsets, wide_blur
@@ -86,6 +86,10 @@ class ParticipatingMedium(Effect):
         # Of a pixel with several pieces: the mean of what comes straight through.
         straight = np.bincount(p.pixel, p.weight * through[:, 0] ** np.float32(share), case.num_frames * height * width)
         weight = np.bincount(p.pixel, p.weight, len(straight))
-        straight = np.where(weight > 0, straight / np.maximum(weight, 1e-6), 1.0).astype(np.float32).reshape(-1, height, width, 1)
+        straight = np.float32(np.where(weight > 0, straight / np.maximum(weight, 1e-6), 1.0)).reshape(-1, height, width, 1)
         sigma = turn * offsets(case)[2]
-        state.spread.append(lambda picture: straight * picture + (1 - straight) * wide_blur(picture, sigma))
+
+        def blurred(picture: Floats) -> Floats:
+            return (straight * picture + (1 - straight) * wide_blur(picture, sigma)).astype(np.float32)
+
+        state.spread.append(blurred)

@@ -89,7 +89,7 @@ def test_light_scattered_once_by_fog_is_what_the_path_tracer_finds(case):
     lit = matte.recording.frames[frame].lights
     assert lit is not None
     lamps = {n: matte.simulation.lights[n] for n in lit}
-    foggy = replace(matte.simulation, lights=lamps, medium=Medium(sigma_t, (albedo,) * 3, 0.0))
+    foggy = replace(matte.simulation, lights=lamps, medium=Medium(sigma_t, (albedo, albedo, albedo), 0.0))
     traced = render(compile_world(foggy), matte.cameras[frame], 256, 3, 1)
     first = first_piece(matte).reshape(matte.valid.shape)[frame]
     inside = ~matte.pieces.edge.reshape(matte.valid.shape)[frame] & (matte.pieces.shape[first] >= 0)
