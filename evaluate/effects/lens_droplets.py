@@ -6,15 +6,22 @@ from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, label
 
 from scene.simulation import Texture
 
+from ..kernels import drops as kernel
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values
 from ..mismatch.formation import State
 
 _MOST = 24
+# Radii of drops that are looked for, in shares of the picture's width.
+_RADII = (0.018, 0.026, 0.037, 0.053, 0.075)
+# Of drops that are not there, one in so many lowers chi-square by g with a chance below exp(-g / 2); the rest is for
+# residuals that are not quite noise.
+_LEAST_GAIN = 60.0
 
 
 class LensDroplets(Effect):
@@ -27,6 +34,7 @@ class LensDroplets(Effect):
     coordinates = "sensor"
     approximation = 0.2
     on_picture = True
+    completes = True
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
         unit = case.size[1] / 160
@@ -58,6 +66,43 @@ class LensDroplets(Effect):
             rows, cols = np.nonzero(parts == i + 1)
             spots.append((cols.mean() + 0.5, rows.mean() + 0.5, float(np.sqrt(area[i] / np.pi)) + 0.5))
         return spots or False
+
+    def completed(self, case: Case, target: str | None, aux: Any, values: Values, without: Context) -> Any:
+        """Look for drops that look as those that were found do, wherever they explain most, one after the other."""
+        height, width = case.size
+        pictures, residual = without.picture, without.residual
+        sigma, size = float(values["blur"]), float(values["size"])
+        blurred = np.stack([cv2.GaussianBlur(p, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE) for p in pictures])
+        looks = float(values["magnification"]), float(values["transmission"])
+        free, at = np.ones((height, width)), np.mgrid[:height, :width] + 0.5
+
+        def gains(drops: NDArray[np.float64]) -> NDArray[np.float64]:
+            out = np.empty(len(drops))
+            kernel.gains(pictures, blurred, residual, without.weight, free, drops, *looks, out)
+            return out
+
+        step = max(width / 80, 1.0)
+        cx, cy, r = np.meshgrid(np.arange(0, width, step), np.arange(0, height, step), np.array(_RADII) * width, indexing="ij")
+        candidates = np.stack([cx.ravel(), cy.ravel(), r.ravel()], axis=1)
+        # Those that were found compete with the rest: their places came from what was wrong, not from how a drop looks.
+        candidates = np.concatenate([np.array(aux) * [1, 1, size], candidates])
+        found: list[tuple[float, float, float]] = []
+        gain = gains(candidates)
+        while len(found) < _MOST:
+            best, most = candidates[np.argmax(gain)], float(gain.max())
+            for reach in (0.5 * step, 0.25 * step, 0.12 * step):
+                near = np.array([best + reach * np.array(d) for d in np.ndindex(3, 3, 3)]) - reach
+                near = near[near[:, 2] > 1]
+                own = gains(near)
+                best, most = (near[np.argmax(own)], float(own.max())) if own.max() > most else (best, most)
+            if most < _LEAST_GAIN:
+                break
+            found.append((float(best[0]), float(best[1]), float(best[2] / size)))
+            # Its rim is taken as well, which it has explained in part.
+            free[np.hypot(at[1] - best[0], at[0] - best[1]) < best[2] + 1.5] = 0
+            touched = np.hypot(candidates[:, 0] - best[0], candidates[:, 1] - best[1]) < candidates[:, 2] + best[2] + 3
+            gain[touched] = gains(candidates[touched])
+        return found or aux
 
     def starts(self, case: Case, target: str | None, aux: Any) -> list[dict[str, float]]:
         return [{"magnification": m} for m in (0.5, 1.5, 3.0, -0.8)]

@@ -16,7 +16,7 @@ from .calibrate import weigh, white_level
 from .case import Case, Floats, subset, with_believed
 from .effect import Context, Effect, Term, shape_index
 from .locate import largest_tile, structure
-from .settle import needs_settling, settle
+from .settle import completed, needs_settling, settle
 from .solve import Fit, context, derivatives, fit, held_out, predict
 from .surface_map import refined_mask
 from .warp import first_piece
@@ -328,6 +328,13 @@ def _try(
         terms[-1].aux = effect.prepare(case, target, context(case, weight, best))
         again = fit(case, weight, terms, iterations)
         best = again if again.total < best.total else best
+    if best is not None and guess is not None and effect.completes:
+        for _ in range(3):
+            again = fit(case, weight, [*best.terms[:-1], completed(case, weight, best.terms)], iterations)
+            done = again.total > 0.999 * best.total
+            best = again if again.total < best.total else best
+            if done:
+                break
     return best
 
 

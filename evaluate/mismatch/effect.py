@@ -98,6 +98,8 @@ class Effect:
         Whether `aux` is a mask (N,) of the pieces, which is refined once the parameters are fitted.
     prepares_again : bool
         Whether `prepare` depends on the state, so that it is done again once the model has been fitted.
+    completes : bool
+        Whether `completed` finds more than `prepare` could, once the effect has been fitted.
     of_own_frame : bool
         Whether what `prepare` finds is a frame's own (drops in one photograph): held-out frames keep it, and say so.
     approximation : float
@@ -118,6 +120,7 @@ class Effect:
     settles: ClassVar[bool] = False
     on_region: ClassVar[bool] = False
     prepares_again: ClassVar[bool] = False
+    completes: ClassVar[bool] = False
     of_own_frame: ClassVar[bool] = False
     approximation: ClassVar[float] = 0.015
     on_patch: ClassVar[bool] = False
@@ -133,6 +136,13 @@ class Effect:
     def prepare(self, case: Case, target: str | None, context: Context) -> Any:
         """Return what `change` needs besides the parameters, found once before the fit; False: nothing of it is to be seen."""
         return None
+
+    def completed(self, case: Case, target: str | None, aux: Any, values: Values, without: Context) -> Any:
+        """Return what `prepare` gave, with what can be found only by someone who knows how the effect looks.
+
+        `values` are of the fit with what was prepared, `without` is that fit without the effect.
+        """
+        return aux
 
     def of_frames(self, aux: Any, frames: NDArray[np.int64]) -> Any:
         """Return what `prepare` gave cut to some frames; arrays with a row a piece are cut by the caller."""

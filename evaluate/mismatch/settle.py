@@ -72,5 +72,15 @@ def prepared(case: Case, terms: list[Term], weigh) -> list[Term]:
             if aux is False:
                 continue
             t.aux = aux
+            if t.effect.completes:
+                t = completed(case, weight, [*out, t])
         out.append(t)
     return out
+
+
+def completed(case: Case, weight: Floats, terms: list[Term]) -> Term:
+    """Return the last term with what can be found of it only now that the others, and its own values, are known."""
+    *others, t = terms
+    t = t.copy()
+    t.aux = t.effect.completed(case, t.target, t.aux, t.values, context(case, weight, fit(case, weight, others, 0)))
+    return t

@@ -28,6 +28,7 @@ class PictureDrops(LensDroplets):
     says = "in spots fixed to the glass, what is sharp behind it gives way to light from around"
     taken_for = ("defocus", "glare")
     of_own_frame = True
+    completes = False
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
         unit = case.size[1] / 160
