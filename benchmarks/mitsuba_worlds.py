@@ -27,9 +27,9 @@ def worlds() -> dict[str, Simulation]:
     sun = DirectionalLight((0.5, 0.3, -0.8), (2.0, 2.0, 2.0), 0.05)
     lights: dict[str, Light] = {"sun": sun, "sky": EnvironmentLight(panorama=_poles())}
     lamp: dict[str, Light] = {"lamp": PointLight((1.0, 1, 3), (9.0, 9, 9)), "sky": EnvironmentLight((0.2, 0.3, 0.4))}
-    wall = _rectangle((4, -3, 5), (0, 6, 0), (0, 0, -5))
-    ground = _rectangle((-6, -6, 0), (12, 0, 0), (0, 12, 0))
-    left, right = _ball((0, 1.1, 1)), _ball((0, -1.1, 1))
+    wall = rectangle_mesh((4, -3, 5), (0, 6, 0), (0, 0, -5))
+    ground = rectangle_mesh((-6, -6, 0), (12, 0, 0), (0, 12, 0))
+    left, right = ball_mesh((0, 1.1, 1)), ball_mesh((0, -1.1, 1))
     matte = Material("lambert", (0.5, 0.5, 0.5))
     painted = Material("lambert", albedo_texture=patches)
     gloss = Material("ggx", albedo_texture=patches, alpha=0.15, eta=1.63)
@@ -81,7 +81,7 @@ def _poles() -> np.ndarray:
     return sky
 
 
-def _rectangle(corner: RGB, edge_u: RGB, edge_v: RGB) -> Mesh:
+def rectangle_mesh(corner: RGB, edge_u: RGB, edge_v: RGB) -> Mesh:
     c, u, v = (np.array(x, np.float32) for x in (corner, edge_u, edge_v))
     n = np.cross(u, v)
     uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
@@ -89,7 +89,7 @@ def _rectangle(corner: RGB, edge_u: RGB, edge_v: RGB) -> Mesh:
     return Mesh(np.stack([c, c + u, c + u + v, c + v]), np.array([[0, 1, 2], [0, 2, 3]], np.uint32), normals, uv)
 
 
-def _ball(centre: RGB, rings: int = 48) -> Mesh:
+def ball_mesh(centre: RGB, rings: int = 48) -> Mesh:
     """Return a unit ball of rings and meridians, with exact normals."""
     theta, phi = np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1)
     t, p = np.meshgrid(theta, phi, indexing="ij")

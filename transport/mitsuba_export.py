@@ -21,10 +21,11 @@ from scene.simulation import DirectionalLight, Film, Lens, Light, Material, Poin
 
 from .mitsuba_media import interior, medium
 from .mitsuba_surfaces import FILM, GLOSS, register
-from .world import compile_lights
+from .world import compile_lights, with_rectangles
 
 # A disc in the sky stands so far off that the street (100 m) sees it move by 1/50 of the sun's radius.
 _SUN_DISTANCE = 1e6
+_MODELS = ("lambert", "ggx", "coated", "mirror", "dielectric", "emission")
 # Local frame of Mitsuba's panoramas (zenith y) in ours (zenith z); its columns run the other way round.
 _ENVMAP_TO_WORLD = np.array([[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -58,9 +59,11 @@ def export(
     ------
     InputError
         If the camera is no centred pinhole with square pixels, or a material cannot be said in Mitsuba's terms: opacity
-        textures, rough glass, and films whose surface is level while the ground is not; or the medium has no bounds, or the
+        textures, other models than those of `_MODELS` (metals among them: Mitsuba masks facets by another function), and films
+        whose surface is level while the ground is not; or the medium has no bounds, or the
         lens distorts.
     """
+    simulation = with_rectangles(simulation)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     register(mitsuba)
@@ -85,7 +88,7 @@ def export(
             entry["interior"] = interior(mitsuba, material.interior)
             scene["integrator"]["type"] = "volpath"
         if material.model == "emission":
-            # Mitsuba's lamps shine from the front of their triangles, ours from both sides.
+            # Mitsuba's lamps shine from the front of their triangles, ours from both sides unless they are one-sided.
             entry["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": list(material.emission)}}
         scene[f"shape_{i}"] = entry
     for name, light in simulation.lights.items():
@@ -157,8 +160,7 @@ def _light(mitsuba: ModuleType, light: Light) -> dict[str, Any] | None:
         black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}
         area = {"type": "area", "radiance": radiance}
         return {"type": "sphere", "center": list(light.position), "radius": light.radius, "surface": black, "emitter": area}
-    if isinstance(light, RectangleLight):
-        raise InputError("be a glowing mesh to be exported", got="a rectangle", key="lights")
+    assert not isinstance(light, RectangleLight)  # a glowing shape by now
     panorama = compile_lights({"sky": light}).panorama
     if len(panorama) == 0:
         return None
@@ -180,7 +182,7 @@ def _at_poles(panorama: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _surface(mitsuba: ModuleType, name: str, m: Material) -> dict[str, Any]:
-    if m.opacity_texture is not None or m.model == "rough_dielectric":
+    if m.opacity_texture is not None or m.model not in _MODELS:
         what = "an opacity texture" if m.opacity_texture is not None else m.model
         raise InputError("have an equal in Mitsuba", got=what, key=f"materials.{name}")
     if m.model == "dielectric" and m.eta == 1.0 and m.interior is not None:

@@ -21,7 +21,7 @@ from .light_table import compile_lights, sphere_table
 from .material_table import compile_materials
 from .media import BodyArrays, MediumArrays, compile_bodies, compile_medium
 
-__all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights"]
+__all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights", "with_rectangles"]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     InputError
         If a shape names an unknown material, has no triangles, or a value is not finite.
     """
-    simulation = _with_rectangles(simulation)
+    simulation = with_rectangles(simulation)
     static = [s for s in simulation.shapes if s.instance == 0]
     moving = [s for s in simulation.shapes if s.instance != 0]
     if not static:
@@ -133,8 +133,14 @@ def with_lights(world: World, lights: dict[str, Light]) -> World:
     return replace(world, arrays=world.arrays._replace(spheres=sphere_table(compiled)), lights=compiled)
 
 
-def _with_rectangles(simulation: Simulation) -> Simulation:
-    """Return the simulation with a glowing shape in the place of each rectangle of light."""
+def with_rectangles(simulation: Simulation) -> Simulation:
+    """Return the simulation with a glowing shape in the place of each rectangle of light.
+
+    Raises
+    ------
+    InputError
+        If a rectangle has no area, or the name of a material.
+    """
     shapes, materials, lights = list(simulation.shapes), dict(simulation.materials), {}
     for name, light in simulation.lights.items():
         if not isinstance(light, RectangleLight):

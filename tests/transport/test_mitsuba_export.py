@@ -39,6 +39,7 @@ NOBODY = SimpleNamespace()  # stands for Mitsuba where a refusal comes before it
     [
         (Material(opacity_texture=np.ones((2, 2), np.float32)), r"materials\.thing must have an equal in Mitsuba, got an opacity"),
         (Material("rough_dielectric"), "got rough_dielectric"),
+        (Material("phong"), "got phong"),
         (Material(film=Film(1.0, level=True)), r"materials\.thing\.film must have an equal in Mitsuba, got a level or rough film"),
         (Material("coated", film=Film(1.0, level=False)), "got a film on a coat"),
         (Material("coated", alpha_texture=np.ones((2, 2), np.float32)), "got a rough coat"),
