@@ -9,8 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from materials.btf import BTF
 from materials.disney import Principled
 from materials.gloss import Tail
+from materials.svbrdf import SVBRDF
 
 from .mesh import Mesh
 
@@ -62,6 +64,8 @@ class Material:
     - `mirror`: a perfect mirror times albedo
     - `dielectric`: smooth glass or water, eta inside over outside; `rough_dielectric` with alpha
     - `emission`: black, emits
+    - `measured`: what `measured` holds, a BTF or textures fitted to one, through u and v; x is dp/du, turned as below, and all
+      other parameters but `opacity_texture`, `normal_texture` and `bump_texture` are passed over
 
     The albedo is `albedo_texture`, where there is one, else `albedo`, times `albedo_scale`. Widths are microfacet widths for
     all models (a Phong exponent is 2 / alpha**2 - 2). Where `alpha_u` or `alpha_v` is given it replaces `alpha` along or
@@ -88,6 +92,7 @@ class Material:
         "dielectric",
         "rough_dielectric",
         "emission",
+        "measured",
     ] = "lambert"
     albedo: RGB = (0.5, 0.5, 0.5)
     albedo_texture: Texture | None = None
@@ -116,6 +121,7 @@ class Material:
     metal: tuple[RGB, RGB] | None = None
     principled: Principled | None = None
     interior: Medium | None = None
+    measured: BTF | SVBRDF | None = None
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,9 @@ from materials import conductor, cook_torrance, disney, ggx, oren_nayar, phong, 
 from materials.foundation.checks import check_range
 from materials.foundation.errors import InputError
 from materials.kernels import kinds
+from materials.kernels.tabulated import TableArrays
 from materials.scattering import Surface
+from materials.tabulated import compile_tables
 from scene.simulation import Film, Material
 
 from .kernels import arrays as a
@@ -28,6 +30,7 @@ _KINDS = {
     "dielectric": kinds.DIELECTRIC,
     "rough_dielectric": kinds.ROUGH_DIELECTRIC,
     "emission": kinds.EMISSION,
+    "measured": kinds.TABULATED,
 }
 _TEXTURES = {
     a.ALBEDO_TEXTURE: "albedo_texture",
@@ -85,6 +88,8 @@ def compile_materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray,
         values[i, a.ONE_SIDED], values[i, a.BUMP_SCALE] = m.one_sided, m.bump_scale
         values[i, a.EMISSION_MEAN] = _mean_emission(m, f"materials.{name}.emission_texture")
         values[i, a.MORE : a.MORE + kinds.NUM_MORE] = more
+        if m.model == "measured":
+            values[i, a.MORE + kinds.TABLE] = sum(other.model == "measured" for other in list(materials.values())[:i])
         for slot, key in _TEXTURES.items():
             slots[i, slot] = store.add(getattr(m, key), f"materials.{name}.{key}")
         if m.film is not None:
@@ -98,6 +103,24 @@ def compile_materials(materials: dict[str, Material]) -> tuple[NDArray, NDArray,
         if not np.all(np.isfinite(values[i])):
             raise InputError("be finite", got="NaN or infinity", key=f"materials.{name}")
     return kind_of, values, slots, *store.arrays()
+
+
+def compile_measured(materials: dict[str, Material]) -> TableArrays | None:
+    """Return the tables of all measured and fitted materials, in the order of their names; None where there are none.
+
+    Raises
+    ------
+    InputError
+        If one has no measurement, or one with holes; the key names the material.
+    """
+    found = {name: m.measured for name, m in materials.items() if m.model == "measured"}
+    for name, measured in found.items():
+        key = f"materials.{name}.measured"
+        if measured is None:
+            raise InputError("be given", key=key, remedy="Give a materials.btf.BTF or a materials.svbrdf.SVBRDF.")
+        if not measured.mask.all():
+            raise InputError("be known everywhere", got="a mask with holes", key=key)
+    return compile_tables([m for m in found.values() if m is not None]) if found else None
 
 
 def _mean_emission(m: Material, key: str) -> float:

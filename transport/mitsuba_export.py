@@ -217,6 +217,8 @@ def _base(mitsuba: ModuleType, m: Material) -> dict[str, Any]:
     if m.model == "ggx":
         alpha = _number(mitsuba, m.alpha if m.alpha_texture is None else m.alpha_texture)
         return {"type": GLOSS, "albedo": albedo, "alpha": alpha, "eta": m.eta, "specular_scale": m.specular_scale}
+    if m.model != "lambert":
+        raise InputError("have an equal in Mitsuba", got=m.model, key="material")
     return {"type": "diffuse", "reflectance": albedo}
 
 

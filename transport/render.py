@@ -90,7 +90,7 @@ class Exposure:
     Raises
     ------
     InputError
-        As `compile_optics`.
+        If specular light of measured materials is asked for, or as `compile_optics`.
 
     Attributes
     ----------
@@ -103,6 +103,9 @@ class Exposure:
     def __init__(
         self, world: World, camera: Camera, tracing: Tracing, lens: Lens | None = None, shutter: Shutter | None = None
     ) -> None:
+        if tracing.specular_only and world.tables is not None:
+            must = "be False in a world with measured materials"
+            raise InputError(must, got=True, key="specular_only", remedy="A measurement does not say which light is specular.")
         self.world, self.tracing = world, tracing
         self.view, self.optics = compile_view(camera, lens, shutter)
         self.sums = np.zeros((camera.height, camera.width, film.NUM_SUMS))

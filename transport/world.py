@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from materials.foundation.errors import InputError
+from materials.kernels.tabulated import TableArrays
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.simulation import Light, Material, RectangleLight, Shape, Simulation
@@ -18,7 +19,7 @@ from scene.simulation import Light, Material, RectangleLight, Shape, Simulation
 from .embree import EmbreeScene
 from .kernels import arrays as a
 from .light_table import compile_lights, sphere_table
-from .material_table import compile_materials
+from .material_table import compile_materials, compile_measured
 from .media import BodyArrays, MediumArrays, compile_bodies, compile_medium
 
 __all__ = ["World", "compile_camera", "compile_lights", "compile_world", "with_lights", "with_rectangles"]
@@ -40,6 +41,8 @@ class World:
         What fills the space.
     bodies : BodyArrays or None
         What fills bodies of glass.
+    tables : TableArrays or None
+        Measured and fitted materials.
     """
 
     arrays: a.WorldArrays
@@ -48,6 +51,7 @@ class World:
     scenes: tuple[EmbreeScene, ...]
     medium: MediumArrays | None = None
     bodies: BodyArrays | None = None
+    tables: TableArrays | None = None
 
 
 def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
@@ -113,9 +117,9 @@ def compile_world(simulation: Simulation, reuse: World | None = None) -> World:
     )
     lights = compile_lights(simulation.lights, arrays)
     medium = None if simulation.medium is None else compile_medium(simulation.medium)
-    return World(
-        arrays._replace(spheres=sphere_table(lights)), lights, shapes, scenes, medium, compile_bodies(simulation.materials)
-    )
+    arrays = arrays._replace(spheres=sphere_table(lights))
+    bodies, tables = compile_bodies(simulation.materials), compile_measured(simulation.materials)
+    return World(arrays, lights, shapes, scenes, medium, bodies, tables)
 
 
 def with_lights(world: World, lights: dict[str, Light]) -> World:

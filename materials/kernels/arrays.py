@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from . import albedo as quick
-from . import bsdf, fresnel, microfacet
+from . import bsdf, fresnel, microfacet, tabulated
 
 
 @njit(cache=True)
@@ -115,3 +115,34 @@ def albedo(surface, cos_o):
         a = quick.albedo(surface, cos_o[i])
         out[i, 0], out[i, 1], out[i, 2] = a[0], a[1], a[2]
     return out
+
+
+@njit(cache=True)
+def evaluate_tables(tables, which, uv, wo, wi):
+    """Loop over `tabulated.evaluate`."""
+    out = np.empty((len(wo), 3))
+    for i in range(len(wo)):
+        f = tabulated.evaluate(tables, which, uv[i, 0], uv[i, 1], _direction(wo, i), _direction(wi, i))
+        out[i, 0], out[i, 1], out[i, 2] = f[0], f[1], f[2]
+    return out
+
+
+@njit(cache=True)
+def pdf_tables(tables, which, uv, wo, wi):
+    """Loop over `tabulated.pdf`."""
+    out = np.empty(len(wo))
+    for i in range(len(wo)):
+        out[i] = tabulated.pdf(tables, which, uv[i, 0], uv[i, 1], _direction(wo, i), _direction(wi, i))
+    return out
+
+
+@njit(cache=True)
+def sample_tables(tables, which, uv, wo, xi):
+    """Loop over `tabulated.sample`."""
+    wi, weight, density = np.empty((len(wo), 3)), np.empty((len(wo), 3)), np.empty(len(wo))
+    for i in range(len(wo)):
+        place, o = (uv[i, 0], uv[i, 1]), _direction(wo, i)
+        w, f, density[i] = tabulated.sample(tables, which, place[0], place[1], o, xi[i, 0], xi[i, 1], xi[i, 2])
+        for j in range(3):
+            wi[i, j], weight[i, j] = w[j], f[j]
+    return wi, weight, density

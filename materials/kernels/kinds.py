@@ -3,13 +3,15 @@
 from typing import NamedTuple
 
 LAMBERT, GGX, COATED, MIRROR, DIELECTRIC, ROUGH_DIELECTRIC, EMISSION = 0, 1, 2, 3, 4, 5, 6
-OREN_NAYAR, PHONG, WARD, COOK_TORRANCE, DISNEY, CONDUCTOR = 7, 8, 9, 10, 11, 12
+OREN_NAYAR, PHONG, WARD, COOK_TORRANCE, DISNEY, CONDUCTOR, TABULATED = 7, 8, 9, 10, 11, 12, 13
 
 # Entries of `Surface.more`. Of the kinds that are a diffuse part and a lobe: colour of the lobe, a second lobe, and which
 # of Ward's normalisations.
 TINT, SECOND_SCALE, SECOND_ALPHA_U, SECOND_ALPHA_V, NORMALISATION = 0, 3, 4, 5, 6
 # Of `OREN_NAYAR`: spread of slopes [rad]. Of `CONDUCTOR`: complex index eta + ik per channel. Of `DISNEY`: see `disney`.
 SIGMA, METAL_ETA, METAL_K = 0, 0, 3
+# Of `TABULATED`: which row of the world's tables it is (see `tabulated`), and the texture coordinates.
+TABLE, TABLE_U, TABLE_V = 0, 1, 2
 NUM_MORE = 10
 PLAIN = (1.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)
 

@@ -66,3 +66,9 @@ def test_the_comparison_of_two_renderers_notices_one_percent_and_forgives_noise(
     assert same.error < same.error_by_chance + 4 * same.error_error
     assert np.all(brighter.z > 4)
     assert moved.share > 0.5 and moved.error > 10 * moved.error_by_chance
+
+
+@pytest.mark.parametrize("model", ["oren_nayar", "ward", "disney", "measured"])
+def test_models_without_an_equal_are_refused_rather_than_made_matte(model):
+    with pytest.raises(InputError, match=f"have an equal in Mitsuba, got {model}"):
+        mitsuba_export._surface(SimpleNamespace(), "m", Material(model))

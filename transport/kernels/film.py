@@ -19,6 +19,7 @@ NUM_SUMS = 22
 @njit(cache=True, parallel=True)
 def expose(
     world,
+    tables,
     lights,
     medium,
     bodies,
@@ -52,9 +53,8 @@ def expose(
                 for i in range(first, first + count):
                     jx, jy = draw2(stream, i, 0)
                     o, d = sample_ray(camera, optics, stream, i, col + jx, row + jy)
-                    found = radiance(
-                        world, lights, medium, bodies, buffer, s, stream, i, o, d, max_bounces, roulette_from, specular_only, clamp
-                    )
+                    how = (max_bounces, roulette_from, specular_only, clamp)
+                    found = radiance(world, tables, lights, medium, bodies, buffer, s, stream, i, o, d, *how)
                     for c in range(3):
                         e = found.radiance[c]
                         sums[row, col, RADIANCE + c] += e

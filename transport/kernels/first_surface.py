@@ -15,6 +15,7 @@ from materials.kernels.kinds import (
     MIRROR,
     OREN_NAYAR,
     ROUGH_DIELECTRIC,
+    TABULATED,
     Surface,
 )
 from materials.kernels.lambert import INV_PI
@@ -60,7 +61,7 @@ def without_diffuse(x):
 def specular_part(surface, wo, wi, f):
     """Return what the specular lobes have in `f`, the value of `bsdf.evaluate` for the same directions."""
     kind = surface.kind
-    if kind in (LAMBERT, OREN_NAYAR):
+    if kind in (LAMBERT, OREN_NAYAR, TABULATED):  # a measurement does not say what of it is specular
         return _BLACK
     if kind in (CONDUCTOR, MIRROR, DIELECTRIC, ROUGH_DIELECTRIC):
         return f

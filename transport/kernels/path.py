@@ -2,7 +2,7 @@
 
 Everything is estimated at once by paths from the camera: J. T. Kajiya, "The Rendering Equation", 1986; combination of
 strategies by the power heuristic: E. Veach, thesis, 1997, section 9.2. Where `medium` (and with it `bodies`) is None, Numba
-compiles the tracer without a trace of media.
+compiles the tracer without a trace of media; where `tables` is, without measured materials.
 """
 
 import math
@@ -12,13 +12,14 @@ from numba import njit
 
 from materials.kernels import bsdf, phase
 from materials.kernels.frames import basis, dot, to_local, to_world
-from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V
+from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V, TABULATED
 
+from . import scatter
 from .airlight import airlight
 from .arrays import ONE_SIDED, SUN_POWER
 from .bodies import body_behind, fly, passage, scatter_in
 from .emitters import emitted, sphere_seen, surface_density
-from .first_surface import base_colour, specular_part, specular_share, without_diffuse
+from .first_surface import specular_part, specular_share, without_diffuse
 from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
 from .media import tracking
 from .sampler import draw1, draw2
@@ -105,7 +106,9 @@ def _facing(ng, two_faced, w):
 
 
 @njit(cache=True)
-def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced, splits):
+def direct(
+    world, tables, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced, splits
+):
     """Return the light that reaches a surface straight from the lights, through the medium, and leaves it along wo.
 
     With `splits`, also what of it the specular lobes turn; black else.
@@ -122,7 +125,7 @@ def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimens
         if e[0] + e[1] + e[2] <= 0.0 or not _facing(hit.ng, two_faced, d):
             continue
         wi = to_local(d, t, bt, n)
-        f = bsdf.evaluate(surface, wo, wi)
+        f = scatter.evaluate(tables, surface, wo, wi)
         if f[0] + f[1] + f[2] <= 0.0:
             continue
         o = leave(hit.p, hit.ng, d) if two_faced else p
@@ -137,7 +140,7 @@ def direct(world, lights, medium, bodies, body, buffer, s, stream, index, dimens
             continue
         w = abs(wi[2])
         if density < math.inf:
-            w *= power_heuristic(density, bsdf.pdf(surface, wo, wi))
+            w *= power_heuristic(density, scatter.pdf(tables, surface, wo, wi))
         if medium is not None:
             w *= passed
         r += f[0] * e[0] * w
@@ -186,7 +189,21 @@ def scattering_frame(world, hit, normal, wo_world, anisotropic):
 
 @njit(cache=True)
 def radiance(
-    world, lights, medium, bodies, buffer, s, stream, index, origin, direction, max_bounces, roulette_from, specular_only, clamp
+    world,
+    tables,
+    lights,
+    medium,
+    bodies,
+    buffer,
+    s,
+    stream,
+    index,
+    origin,
+    direction,
+    max_bounces,
+    roulette_from,
+    specular_only,
+    clamp,
 ):
     """Return a `Sample`: an estimate of the radiance that arrives at `origin` from `direction`, and how it came about.
 
@@ -256,7 +273,7 @@ def radiance(
         below_film = coverage > 0.0 and draw1(stream, index, dimension + _CHOICE) < coverage
         surface = surface_at(world, hit, below_film)
         if bounce == 0:
-            albedo = base_colour(surface)
+            albedo = scatter.colour(tables, surface)
             shown = hit.ns if dot(hit.ns, wo_world) > 0.0 else _flip(hit.ns)
             if max_bounces == 0:
                 break
@@ -268,19 +285,19 @@ def radiance(
         else:
             normal = film_normal(world, hit) if below_film else hit.ns
             brushed = surface.alpha_u != surface.alpha_v or surface.more[SECOND_ALPHA_U] != surface.more[SECOND_ALPHA_V]
-            frame = scattering_frame(world, hit, normal, wo_world, brushed)
+            frame = scattering_frame(world, hit, normal, wo_world, brushed or kind == TABULATED)
         t, b, n = frame
         wo = to_local(wo_world, t, b, n)
         if not bsdf.is_specular(surface):
             splits = bounce == 0
-            e, mirrored = direct(
-                world, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced, splits
-            )
+            at = (stream, index, dimension, hit, surface, frame, wo, two_faced, splits)
+            e, mirrored = direct(world, tables, lights, medium, bodies, body, buffer, s, *at)
             total, specular = _gather(total, specular, beta, e, share, math.inf if splits else clamp)
             if splits:
                 specular = mirrored
         u0, u1 = draw2(stream, index, dimension + _DIRECTION)
-        wi, weight, pdf, is_delta = bsdf.sample(surface, wo, u0, u1, draw1(stream, index, dimension + _LOBE))
+        u2 = draw1(stream, index, dimension + _LOBE)
+        wi, weight, pdf, is_delta = scatter.sample(tables, surface, wo, u0, u1, u2)
         if bounce == 0:
             share = _ALL if is_delta else specular_share(surface, wo, wi, weight, pdf)
         beta = _times(beta, weight)

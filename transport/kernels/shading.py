@@ -6,7 +6,17 @@ from typing import NamedTuple
 from numba import njit
 
 from materials.kernels.frames import basis, dot, normalize
-from materials.kernels.kinds import COATED, DIELECTRIC, EMISSION, GGX, PLAIN, ROUGH_DIELECTRIC, Surface
+from materials.kernels.kinds import (
+    COATED,
+    DIELECTRIC,
+    EMISSION,
+    GGX,
+    PLAIN,
+    ROUGH_DIELECTRIC,
+    TABLE,
+    TABULATED,
+    Surface,
+)
 
 from .arrays import (
     ALBEDO,
@@ -273,6 +283,9 @@ def surface_at(world, hit, below_film):
         # A coat is a film without thickness whose index and roughness are the material's own.
         return Surface(COATED, r, g, b, 0.0, row[ETA], alpha_u, alpha_v, row[ETA], alpha_u, 0.0, 0.0, 0.0, PLAIN)
     q = row[MORE:]
+    if kind == TABULATED:
+        more = (q[TABLE], hit.u, hit.v, q[3], q[4], q[5], q[6], q[7], q[8], q[9])
+        return Surface(kind, r, g, b, row[SPECULAR_SCALE], row[ETA], alpha_u, alpha_v, 1.33, 0.0, 0.0, 0.0, 0.0, more)
     tint_r, tint_g, tint_b = q[0], q[1], q[2]
     texture = world.material_textures[m, TINT_TEXTURE]
     if texture >= 0:

@@ -1,0 +1,49 @@
+"""How light leaves the surfaces of a world, be they formulas or tables. See `materials.kernels.bsdf` and `.tabulated`.
+
+Where a world has no tables (None), Numba compiles these to the formulas alone.
+"""
+
+from numba import njit
+
+from materials.kernels import bsdf, tabulated
+from materials.kernels.kinds import TABLE, TABLE_U, TABLE_V, TABULATED
+
+
+@njit(cache=True)
+def _place(surface):
+    more = surface.more
+    return int(more[TABLE]), more[TABLE_U], more[TABLE_V]
+
+
+@njit(cache=True)
+def evaluate(tables, surface, wo, wi):
+    """Return the BSDF without the cosine, per channel; delta lobes count 0."""
+    if tables is None:
+        return bsdf.evaluate(surface, wo, wi)
+    if surface.kind == TABULATED:
+        which, u, v = _place(surface)
+        return tabulated.evaluate(tables, which, u, v, wo, wi)
+    return bsdf.evaluate(surface, wo, wi)
+
+
+@njit(cache=True)
+def pdf(tables, surface, wo, wi):
+    """Return the density of `sample` per solid angle; delta lobes count 0."""
+    if tables is None:
+        return bsdf.pdf(surface, wo, wi)
+    if surface.kind == TABULATED:
+        which, u, v = _place(surface)
+        return tabulated.pdf(tables, which, u, v, wo, wi)
+    return bsdf.pdf(surface, wo, wi)
+
+
+@njit(cache=True)
+def sample(tables, surface, wo, u0, u1, u2):
+    """Return wi, the weight f |cos| / pdf per channel, the pdf, and whether the lobe is a delta."""
+    if tables is None:
+        return bsdf.sample(surface, wo, u0, u1, u2)
+    if surface.kind == TABULATED:
+        which, u, v = _place(surface)
+        wi, weight, density = tabulated.sample(tables, which, u, v, wo, u0, u1, u2)
+        return wi, weight, density, False
+    return bsdf.sample(surface, wo, u0, u1, u2)
