@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
@@ -111,6 +112,32 @@ def box_plot(axes: Axes, errors: Mapping[str, NDArray]) -> None:
     axes.boxplot(values, tick_labels=list(errors), showfliers=False, showmeans=True, widths=0.6)
     axes.tick_params(axis="x", labelrotation=45, labelsize=8)
     axes.set_ylim(bottom=0)
+
+
+class Box(NamedTuple):
+    """What a box plot shows of a distribution [px]."""
+
+    median: float
+    low: float
+    high: float
+    low_end: float
+    high_end: float
+    mean: float
+
+
+def save_boxes(path: str | Path, boxes: Mapping[str, Box], title: str, label: str = "end-point error [px]") -> None:
+    """Write box plots as `save_box_plot`, of distributions that are known by their quantiles only."""
+    figure = Figure(figsize=(1.6 + 0.75 * len(boxes), 4), layout="constrained")
+    axes = figure.subplots()
+    stats = [
+        {"label": name, "med": b.median, "q1": b.low, "q3": b.high, "whislo": b.low_end, "whishi": b.high_end, "mean": b.mean}
+        for name, b in boxes.items()
+    ]
+    axes.bxp(stats, showfliers=False, showmeans=True, widths=0.6)
+    axes.tick_params(axis="x", labelrotation=45, labelsize=8)
+    axes.set_ylim(bottom=0)
+    axes.set(title=title, ylabel=label)
+    _save(figure, path)
 
 
 def save_heat_maps(path: str | Path, maps: Mapping[str, HeatMap], title: str, label: str) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .settings import TrueWetSettings, WetterSettings
+from .settings import FittedMaterialsSettings, TrueWetSettings, WetterSettings
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,11 @@ class Recipe:
 
 
 RECIPES: dict[str, Recipe] = {
+    "fitted-materials": Recipe(
+        "fitted_materials",
+        FittedMaterialsSettings,
+        "Do flow algorithms err on fitted reflectance models as on the BTFs that they were fitted to (chapter 5 of the thesis)?",
+    ),
     "true-wet": Recipe(
         "true_wet",
         TrueWetSettings,

@@ -38,13 +38,18 @@ class Cache:
             Everything that the array depends on; what JSON can hold, and arrays, which count by their content.
         make : function
         """
+        return self.arrays(parts, lambda: {"array": make()})["array"]
+
+    def arrays(self, parts: Mapping[str, Any], make: Callable[[], Mapping[str, NDArray]]) -> dict[str, NDArray]:
+        """Return what `make` returns, several arrays by name; otherwise as `array`."""
         words = json.dumps({k: _plain(v) for k, v in parts.items()} | {"code": code_digest()}, sort_keys=True)
-        file = self.folder / f"{hashlib.sha256(words.encode()).hexdigest()[:24]}.npy"
+        file = self.folder / f"{hashlib.sha256(words.encode()).hexdigest()[:24]}.npz"
         if file.exists():
-            return np.load(file)
-        made = make()
-        with replacing(file) as temporary:
-            np.save(temporary, made)
+            with np.load(file) as kept:
+                return {name: kept[name] for name in kept.files}
+        made = dict(make())
+        with replacing(file) as temporary, temporary.open("wb") as out:
+            np.savez(out, **made)  # type: ignore[arg-type]
         return made
 
 

@@ -44,3 +44,30 @@ class WetterSettings(StreetPart):
     levels: tuple[float, ...] = setting((1 / 3, 2 / 3, 1.0), "how strong the effects are")
     street: bool = setting(True, "run on the built-in street")
     recordings: tuple[Path, ...] = setting((), "recordings with true flow or measured disparity, besides")
+
+
+_SAMPLES = ("carpet", "copper", "alu", "fabric", "felt", "leather", "stone", "wallpaper", "wood")
+
+
+@dataclass(frozen=True)
+class FittedMaterialsSettings:
+    """Settings of `fitted-materials`. The thesis: 39 scenes, 512 px, 1024 samples, 512 texels."""
+
+    scenes: int = setting(12, "random scenes", within="[1, 100000]")
+    width: int = setting(192, "width and height of the pictures [px]", within="[48, 4096]")
+    samples: int = setting(64, "paths per pixel", within="[1, 65536]")
+    bounces: int = setting(3, "scattering events per path; 1 is direct light", within="[1, 64]")
+    materials: tuple[str, ...] = setting(_SAMPLES, "virtual materials", choices=_SAMPLES)
+    models: tuple[str, ...] = setting(
+        ("ct", "ward", "phong", "ggx"), "models fitted, each with and without normals", choices=("ct", "ward", "phong", "ggx")
+    )
+    texels: int = setting(32, "texels of a material each way", within="[8, 1024]")
+    directions: int = setting(151, "directions of light, and of view, of the virtual dome", within="[40, 4096]")
+    dome_samples: int = setting(4, "paths of the virtual dome per texel and view", within="[1, 65536]")
+    rank: int = setting(32, "factors that the BTFs are compressed to", within="[1, 1024]")
+    ambient_share: float = setting(0.1, "share of the ambient light in what reaches the surface", within="[0, 0.99]")
+    seed: int = setting(0, "seed of everything random", within="[0, 2147483647]")
+    algorithms: tuple[str, ...] = setting(("horn-schunck", "brox"), "flow algorithms, see flow-eval")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
