@@ -100,8 +100,8 @@ class BTF:
         texels : (Q,) int
             Indices of texels.
         wi, wo : (Q, 3) float
-            Unit directions in the texels' common frame. Outside the measured cap the nearest direction stands; below the
-            horizon it is black.
+            Unit directions in the texels' common frame. Outside the measured cap the nearest direction's reflectance stands, so
+            that what is sent fades with the light's cosine; below the horizon it is black.
         """
         which = np.asarray(texels, np.int64).reshape(-1)
         i, o = (np.broadcast_to(np.asarray(w, np.float64), (len(which), 3)) for w in (wi, wo))
@@ -118,6 +118,8 @@ class BTF:
                     total += share[:, None] * np.einsum("qk,kqg->qg", spatial[which], corner)
             groups.append(total)
         value = np.maximum(np.concatenate(groups, axis=1) @ self.colour.T, 0)
+        rim = np.maximum(self.wi[by_i.indices[:, 0], 2], 1e-6)
+        value *= np.where(by_i.inside, 1.0, i[:, 2] / rim)[:, None]
         return np.where((i[:, 2:] > 0) & (o[:, 2:] > 0), value, 0)
 
 

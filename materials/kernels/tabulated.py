@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from numba import njit
 
 from . import cook_torrance, ggx, lobes, phong, ward
-from .direction_mesh import locate
+from .direction_mesh import NODE, locate
 from .fresnel import normal_reflectance
 from .kinds import COOK_TORRANCE, GGX, PHONG, Surface
 from .lambert import INV_PI
@@ -94,6 +94,11 @@ def _btf(tables, which, u, v, wo, wi):
     row, m = tables.rows[which], tables.colour[which]
     lights, wl = locate(tables, row[LIGHTS], wi)
     views, wv = locate(tables, row[VIEWS], wo)
+    fade = 1.0
+    if lights[0] == lights[1]:
+        # Beyond the rim of what was measured f stands, so that light fades to the horizon. On the disc, r^2 is 1 - cos.
+        node = tables.nodes[tables.sets[row[LIGHTS], NODE] + lights[0]]
+        fade = wi[2] / max(1.0 - node[0] * node[0] - node[1] * node[1], 1e-6)
     places, shares = _corners(row, u, v)
     c0 = _channel(tables, row, 0, places, lights, wl, views, wv)
     c1 = _channel(tables, row, 1, places, lights, wl, views, wv)
@@ -103,7 +108,7 @@ def _btf(tables, which, u, v, wo, wi):
         r += shares[k] * max(m[0, 0] * c0[k] + m[0, 1] * c1[k] + m[0, 2] * c2[k], 0.0)
         g += shares[k] * max(m[1, 0] * c0[k] + m[1, 1] * c1[k] + m[1, 2] * c2[k], 0.0)
         b += shares[k] * max(m[2, 0] * c0[k] + m[2, 1] * c1[k] + m[2, 2] * c2[k], 0.0)
-    return r, g, b
+    return r * fade, g * fade, b * fade
 
 
 @njit(cache=True)

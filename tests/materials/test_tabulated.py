@@ -101,6 +101,14 @@ def test_each_direction_is_between_the_measured_ones_that_interpolation_names():
         assert got == pytest.approx(float(want(values)[k]), abs=1e-9)
 
 
+def test_beyond_the_measured_rim_light_fades_to_the_horizon():
+    tables = tabulated.compile_tables([CASES["btf"]])
+    angle = np.radians([85.0, 89.0, 89.99])
+    low = np.stack([np.sin(angle), np.zeros(3), np.cos(angle)], axis=-1)
+    f = tabulated.evaluate(tables, 0, (0.3, 0.3), UP, low)
+    assert np.allclose(f, f[0], rtol=1e-6) and f.max() > 0
+
+
 @pytest.mark.parametrize("view", ["upright", "oblique"])
 @pytest.mark.parametrize("name", ["ct", "ward", "phong", "ggx", "btf"])
 def test_directions_are_drawn_with_the_density_stated(name, view):
