@@ -27,7 +27,7 @@ def identity(exposure: Exposure) -> dict[str, str]:
     world, tracing = exposure.world, exposure.tracing
     return {
         "version of the tracer": str(_VERSION),
-        "scene": _digest((world.arrays, world.medium, world.bodies)),
+        "scene": _digest((world.arrays, world.tables, world.medium, world.bodies)),
         "lights": _digest(world.lights),
         "camera": _digest((exposure.view, exposure.optics)),
         "seed": str(tracing.seed),

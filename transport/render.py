@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from materials.foundation.checks import check_range
+from materials.foundation.errors import InputError
 from materials.foundation.interrupts import held_back
 from materials.foundation.progress import tracked
 from scene.camera import Camera
@@ -139,6 +140,7 @@ class Exposure:
         with held_back():
             film.expose(
                 w.arrays,
+                w.tables,
                 w.lights,
                 medium,
                 bodies,

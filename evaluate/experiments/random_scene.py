@@ -22,7 +22,7 @@ from scene.mesh import Mesh
 from scene.noise import octaves_between, spectral_noise_2d
 from scene.simulation import EnvironmentLight, Light, SphereLight
 from scene.transforms import look_at
-from transport.render import GBuffer, flow_between, gbuffer
+from transport.gbuffer import GBuffer, flow_between, gbuffer
 from transport.world import World
 
 Floats = NDArray[np.float64]

@@ -93,6 +93,17 @@ def test_worlds_may_mix_measurements_with_formulas_and_with_each_other():
         assert np.allclose(a, b, rtol=1e-6) and a.min() > 0
 
 
+def test_a_measurements_colour_is_its_reflectance_factor_and_all_of_its_light_counts_as_matte():
+    ground = floor()
+    ground = replace(ground, uv=(ground.uv * 0 + np.array([0.25, 0.25])).astype(np.float32))
+    # dp/du is none there, so that any tangent serves: matte paint, which knows no azimuth
+    matte = replace(fitted(), diffuse=np.full((4, 3), 0.3), specular=np.zeros((4, 2, 3)), frame=np.tile(np.eye(3), (4, 1, 1)))
+    lit = world({"floor": (ground, Material("measured", measured=matte))}, {"sun": SUN})
+    picture = render(lit, camera((0, 0, 5), (0, 0, 0), 4, 4), samples=1, max_bounces=1)
+    assert np.allclose(picture.albedo, 0.3, rtol=1e-6) and (picture.specular == 0).all()
+    assert np.allclose(picture.diffuse, picture.radiance)
+
+
 def test_measurements_that_cannot_be_traced_are_refused_by_name():
     with pytest.raises(InputError, match=r"materials\.floor.measured must be given"):
         world({"floor": (floor(), Material("measured"))}, {})

@@ -3,10 +3,16 @@
 Where a world has no tables (None), Numba compiles these to the formulas alone.
 """
 
+import math
+
 from numba import njit
 
 from materials.kernels import bsdf, tabulated
 from materials.kernels.kinds import TABLE, TABLE_U, TABLE_V, TABULATED
+
+from .first_surface import base_colour
+
+_UP, _SLANTING = (0.0, 0.0, 1.0), (math.sqrt(0.5), 0.0, math.sqrt(0.5))
 
 
 @njit(cache=True)
@@ -47,3 +53,18 @@ def sample(tables, surface, wo, u0, u1, u2):
         wi, weight, density = tabulated.sample(tables, which, u, v, wo, u0, u1, u2)
         return wi, weight, density, False
     return bsdf.sample(surface, wo, u0, u1, u2)
+
+
+@njit(cache=True)
+def colour(tables, surface):
+    """Return a colour that does not depend on the view: `base_colour`, of a measurement its reflectance factor 45/0.
+
+    That is what colorimetry takes for the colour of a surface: light from 45 degrees, seen from above, over white's.
+    """
+    if tables is None:
+        return base_colour(surface)
+    if surface.kind == TABULATED:
+        which, u, v = _place(surface)
+        f = tabulated.evaluate(tables, which, u, v, _UP, _SLANTING)
+        return (math.pi * f[0], math.pi * f[1], math.pi * f[2])
+    return base_colour(surface)
