@@ -103,6 +103,15 @@ def test_faces_that_make_no_mesh_are_refused(tmp_path, face, name, words):
         read_ply(tmp_path / "a.ply")
 
 
+def test_polygons_in_a_binary_file_are_refused_in_the_same_words(tmp_path):
+    vertex = np.zeros(4, dtype=[("x", "f4"), ("y", "f4"), ("z", "f4")])
+    face = np.array([([0, 1, 2, 3],)], dtype=[("vertex_indices", "i4", (4,))])
+    elements = [plyfile.PlyElement.describe(vertex, "vertex"), plyfile.PlyElement.describe(face, "face")]
+    plyfile.PlyData(elements).write(str(tmp_path / "a.ply"))
+    with pytest.raises(InputError, match=r"must have triangles only, got faces of \[4\] vertices"):
+        read_ply(tmp_path / "a.ply")
+
+
 @pytest.mark.parametrize("share", [0.1, 0.6, 0.99])
 def test_a_truncated_file_is_refused(tmp_path, share):
     write_ply(tmp_path / "a.ply", Mesh(rng.random((500, 3)).astype(np.float32), rng.integers(0, 500, (900, 3)).astype(np.uint32)))

@@ -69,9 +69,9 @@ def test_mist_veils_the_wet_picture_and_says_by_how_much(scene_folder, tmp_path)
 
 
 def test_drops_lie_on_the_windshield_of_every_frame_and_are_labelled(scene_folder, tmp_path):
-    assert run(scene_folder, tmp_path, "--wetness", "0", "--droplets", "1") == 0
-    assert run(scene_folder, tmp_path / "alone", "--wetness", "0", "--droplets", "1", "--frames", "1") == 0
-    folder, alone = tmp_path / "w0.00_d1.00", tmp_path / "alone" / "w0.00_d1.00"
+    assert run(scene_folder, tmp_path, "--wetness", "0", "--droplets", "0.25") == 0
+    assert run(scene_folder, tmp_path / "alone", "--wetness", "0", "--droplets", "0.25", "--frames", "1") == 0
+    folder, alone = tmp_path / "w0.00_d0.25", tmp_path / "alone" / "w0.00_d0.25"
     # The second frame has the same drops whether or not the first was asked for.
     second = read_raw(folder / "image" / "0001.png")
     np.testing.assert_array_equal(second, read_raw(alone / "image" / "0001.png"))
@@ -82,7 +82,7 @@ def test_drops_lie_on_the_windshield_of_every_frame_and_are_labelled(scene_folde
     assert 0 < np.mean(covered > 0) < 1
     np.testing.assert_array_equal(second[covered == 0], recorded[covered == 0])
     record = json.loads((folder / "augment.json").read_text())
-    assert record["droplets"] == 1 and record["frames"][1]["mean_droplet_cover"] > 0
+    assert record["droplets"] == 0.25 and record["frames"][1]["mean_droplet_cover"] > 0
 
 
 def test_the_layers_sum_to_the_picture_on_the_ground(scene_folder, tmp_path):

@@ -45,7 +45,8 @@ def test_smoothing_along_surfaces_comes_nearer_to_many_samples(tmp_path):
     scene = street.plain_street(tmp_path, [VIEW], LINEAR)
     frame, separation, wet, water = wetted(scene, 0.8)
     mist = compile_spray(over(scene, 1.0, THICK))
-    many = misty_frame(frame, separation, wet, water, mist, 1024, 1, 2).scattered
+    # The noise of 256 samples adds to both errors, to the smaller one by more: the factor is met less easily.
+    many = misty_frame(frame, separation, wet, water, mist, 256, 1, 2).scattered
     rough, smooth = (misty_frame(frame, separation, wet, water, mist, 16, 0, 2, width).scattered for width in (0.0, 2.0))
     error = [np.sqrt(np.mean((x - many) ** 2)) for x in (rough, smooth)]
     assert error[1] < 0.6 * error[0]

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
@@ -10,17 +8,18 @@ from materials.foundation.errors import InputError
 from scene.camera import Camera
 from scene.points import write_points
 from scene.reconstruction import dynamics
-from scene.reconstruction.build_settings import CloudSettings, DynamicsSettings
-from scene.reconstruction.cloud import accumulate, moved, path_of, read_cloud, strays, thin, world_offset, write_cloud
+from scene.reconstruction.build_settings import CloudSettings
+from scene.reconstruction.cloud import Cloud, accumulate, moved, path_of, read_cloud, strays, thin, world_offset, write_cloud
 from scene.recording import Frame, MaskFile, PointsFile, Recording, read_recording
 from scene.transforms import look_at
 
 from ..synthetic_street import box_points, ring_points, street_height
 
 
-@pytest.fixture
-def drive(tmp_path: Path) -> tuple[Recording, np.ndarray]:
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory) -> tuple[Recording, np.ndarray]:
     """Six sweeps of a street; a car stands at the right, another drives ahead and is nowhere twice."""
+    tmp_path = tmp_path_factory.mktemp("drive")
     frames, moving = [], []
     for index in range(6):
         rng = np.random.default_rng(index)
@@ -42,6 +41,11 @@ def drive(tmp_path: Path) -> tuple[Recording, np.ndarray]:
     return Recording(tuple(frames), tmp_path, "street"), np.concatenate(moving)
 
 
+@pytest.fixture(scope="module")
+def cloud(drive) -> Cloud:
+    return accumulate(drive[0], CloudSettings(stereo=False))
+
+
 def _unhidden(ground: np.ndarray, car: np.ndarray, origin) -> np.ndarray:
     """Drop ground points in the shadow of a car, seen from the scanner."""
     low, high = car.min(axis=0), car.max(axis=0)
@@ -57,9 +61,8 @@ def near_any(points: np.ndarray, others: np.ndarray, radius: float) -> np.ndarra
     return cKDTree(others).query(points)[0] < radius
 
 
-def test_a_car_that_drives_ahead_vanishes_and_a_parked_one_stays(drive):
-    recording, moving = drive
-    cloud = accumulate(recording, CloudSettings(stereo=False))
+def test_a_car_that_drives_ahead_vanishes_and_a_parked_one_stays(drive, cloud):
+    _, moving = drive
     left = cloud.points_world[~cloud.is_ground]
     # Only the last places of the car, which no later sweep saw free, may keep points.
     early = moving[moving[:, 0] < 30]
@@ -69,9 +72,7 @@ def test_a_car_that_drives_ahead_vanishes_and_a_parked_one_stays(drive):
     assert near_any(parked[parked[:, 2] > 0.9], left, 0.15).mean() > 0.9
 
 
-def test_the_vehicle_itself_is_not_in_the_cloud(drive):
-    recording, _ = drive
-    cloud = accumulate(recording, CloudSettings(stereo=False))
+def test_the_vehicle_itself_is_not_in_the_cloud(cloud):
     points = cloud.points_world.astype(float)
     on_path = (np.abs(points[:, 1]) < 0.7) & (points[:, 0] > 0) & (points[:, 0] < 28)
     above = points[:, 2] - street_height(points[:, 0], points[:, 1])
@@ -150,8 +151,7 @@ def test_map_coordinates_are_brought_near_the_origin(drive):
     assert not world_offset(recording).any()
 
 
-def test_a_cloud_comes_back_from_its_file(drive, tmp_path):
-    cloud = accumulate(drive[0], CloudSettings(stereo=False), DynamicsSettings(free_space_votes=3))
+def test_a_cloud_comes_back_from_its_file(cloud, tmp_path):
     write_cloud(tmp_path / "cloud.npz", cloud)
     again = read_cloud(tmp_path / "cloud.npz")
     assert np.array_equal(again.points_world, cloud.points_world)
