@@ -34,8 +34,8 @@ from .soil import write_soil_measurement
 _DRIEST = 0.1
 _PAINTS = ("cayman", "garnet_red", "krylon_blue")
 _COLUMNS = (
-    "measured", "believed", "verdict", "named", "or", "held-out chi-square before", "after", "rmse before", "rmse after",
-    "normals before [deg]", "after", "s",
+    "measured", "believed", "verdict", "named", "not told from", "chi-square before", "chi-square after", "rmse before",
+    "rmse after", "normals before [deg]", "normals after [deg]", "s",
 )  # fmt: skip
 
 

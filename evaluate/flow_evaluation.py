@@ -180,10 +180,11 @@ def _pictures(
     elif len(fields) == 2:
         (a, one), (b, two) = fields.items()
         pairs.append(("difference", f"difference flow error of {a} and {b}", one, two))
-    for name, words, one, two in pairs:
-        error = endpoint_error(one, two)
-        finite = error[np.isfinite(error)]
-        top = largest or (max(float(np.percentile(finite, 95)), 0.05) if len(finite) else 1.0)
+    errors = [endpoint_error(one, two) for _, _, one, two in pairs]
+    # One scale for all, so that equal colours are equal errors whoever made them.
+    tops = [float(np.percentile(e[np.isfinite(e)], 95)) for e in errors if np.isfinite(e).any()]
+    top = largest or max([*tops, 0.05])
+    for (name, words, _, _), error in zip(pairs, errors, strict=True):
         path = folder / f"{case.name}_{name}_error.png"
         save_error_map(path, error, top, f"{case.name}: {words}")
         keep(path, f"{case.name}: {words}")

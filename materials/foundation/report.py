@@ -42,6 +42,10 @@ class Table:
         """Return the cells as a person reads them: four significant digits, a dash for nothing."""
         return [[_word(cell) for cell in row] for row in self.rows]
 
+    def kinds(self) -> list[str]:
+        """Return of each column what it holds, "words" or "numbers"."""
+        return ["words" if any(isinstance(row[i], str) for row in self.rows) else "numbers" for i in range(len(self.columns))]
+
     def markdown(self) -> str:
         """Return the table in Markdown, with its title and note."""
         lines = [list(self.columns), *self.words()]

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from evaluate import flow_evaluation
 from evaluate.cli import main
 from evaluate.flow_metrics import DEFINITIONS
 from scene.flow_files import read_flow, write_flow
@@ -66,6 +67,16 @@ def test_two_fields_and_the_truth_become_tables_and_one_page(files: Path, capsys
         assert DEFINITIONS[name].replace("&", "&amp;").replace("'", "&#39;") in page
         assert f"{name}: {DEFINITIONS[name]}" in printed
     assert "| one" in (files / "out/report.md").read_text()
+
+
+def test_error_maps_that_are_compared_have_one_scale(files: Path, monkeypatch):
+    tops = []
+    monkeypatch.setattr(flow_evaluation, "save_error_map", lambda path, error, largest, title: tops.append(largest))
+    write_raw(files / "out/pictures/0001_a_error.png", np.zeros(SIZE, np.uint8))
+    write_raw(files / "out/pictures/0001_b_error.png", np.zeros(SIZE, np.uint8))
+    words = (files / "a/0001.flo", files / "b/0001.flo", "--truth", files / "t/0001.flo", "--names", "a,b", "-o", files / "out")
+    assert run(*words, "--quiet") == 0
+    assert tops == [4, 4]  # errors are 1 px and 4 px
 
 
 def test_folders_are_paired_by_name_and_pooled(files: Path):

@@ -15,6 +15,7 @@ from .diagnose import MeasuredDiagnosis
 from .pictures import draw
 
 _TRIALS = 40
+_LEAST_P = 1e-30  # smaller ones say nothing that blocks could tell
 
 
 def sentence(d: MeasuredDiagnosis) -> str:
@@ -100,8 +101,9 @@ def report(d: MeasuredDiagnosis, pictures: dict[str, Path]) -> Report:
         found: list[list[Cell]] = []
         for f in d.findings:
             for name, p in f.parameters.items():
-                found.append([f.id, name, *_words(p), p["unit"], f.gain, f.p_value, ", ".join(f.ambiguous_with)])
-        columns = ("effect", "parameter", "value", "90 % interval", "unit", "gain", "p", "or")
+                p_value = f.p_value if f.p_value >= _LEAST_P else f"< {_LEAST_P:g}"
+                found.append([f.id, name, *_words(p), p["unit"], f.gain, p_value, ", ".join(f.ambiguous_with) or None])
+        columns = ("effect", "parameter", "value", "90 % interval", "unit", "gain", "p", "not told from")
         note = "Gain: what held-out chi-square a value rises by without the effect. Intervals: jackknife over the held-out blocks."
         tables.append(Table("effects", "What was found", columns, found, note))
     tables += d.extra.get("tables", [])
@@ -109,7 +111,7 @@ def report(d: MeasuredDiagnosis, pictures: dict[str, Path]) -> Report:
         rows: list[list[Cell]] = [[*r] for r in d.proof.rows]
         p = d.proof
         rows.append(["all", p.chi2_before, p.chi2_after, p.rmse_before, p.rmse_after])
-        columns = (p.what, "chi-square before", "after", "rmse before", "after")
+        columns = (p.what, "chi-square before", "chi-square after", "rmse before", "rmse after")
         tables.append(
             Table(
                 "held_out",

@@ -89,9 +89,9 @@ def _polar(s: Samples, base: Model, best: Model) -> Figure:
         axes.set_theta_direction(-1)
         axes.set_thetalim(-np.pi / 2, np.pi / 2)
         axes.set_rlim(0, _DECADES)
-        axes.set_rticks(
-            np.arange(1, _DECADES + 1), [f"{top * 10 ** (k - _DECADES):.1g}" for k in range(1, int(_DECADES) + 1)], fontsize=6
-        )
+        # A word at every other decade: more would stand over one another.
+        decades = np.arange(1, _DECADES + 1)
+        axes.set_rticks(decades, [f"{top * 10 ** (k - _DECADES):.1g}" if k % 2 == 0 else "" for k in decades], fontsize=6)
         axes.set_title(f"incidence {angle:g}°", fontsize=9)
         axes.tick_params(labelsize=7)
     figure.legend(*grid[0].get_legend_handles_labels(), fontsize=8, ncols=3, loc="outside lower center")

@@ -114,6 +114,9 @@ def test_the_command_writes_a_diagnosis_that_another_program_can_read(tmp_path, 
     assert page.count("data:image/png") == 3 and "http" not in page.replace("http-equiv", "").replace("http://www.w3.org", "")
     with np.load(tmp_path / "out" / "affected.npz") as masks:
         assert masks["located"].shape == masks["affected"].shape == (540, 2)
+    # Each column has a name of its own: none hides another.
+    rows = json.loads((tmp_path / "out" / "metrics.json").read_text())["held_out"]
+    assert all(r["chi-square before"] > 5 * r["chi-square after"] and r["rmse before"] > 2 * r["rmse after"] for r in rows)
 
 
 def test_the_same_measurement_gives_the_same_diagnosis(tmp_path):
