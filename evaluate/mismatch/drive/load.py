@@ -72,15 +72,21 @@ def drive_case(scene: Scene, factor: int | None = None, pose_error_px: float = 0
     rays = raycasting_scene([scene.ground, scene.environment])
     drive = [drive_frame(f, rays, factor) for f in tracked(frames, "reading the drive")]
     recorded = np.stack([d.view.linear for d in drive])
-    noise = scene.recording.noise or estimated_noise(recorded, np.ones(recorded.shape[:3], bool))
+    stated = scene.recording.noise
+    if stated is None:
+        # As it is in pictures that are averaged and divided already.
+        noise, exposures = estimated_noise(recorded, np.ones(recorded.shape[:3], bool)), (1.0,) * len(frames)
+    else:
+        noise, exposures = averaged_noise(stated, factor), tuple(f.exposure for f in frames)
     around, off = surroundings_of(scene), pose_error_px / factor
-    made = [predict_frame(scene, rays, around, drive, t, noise, off) for t in tracked(range(len(drive)), "predicting frames")]
+    numbers = tracked(range(len(drive)), "predicting frames")
+    made = [predict_frame(scene, rays, around, drive, t, noise, exposures, off) for t in numbers]
     size = recorded.shape[1:3]
     if not any(p.known.any() for p in made):
         raise InputError("have frames that see the same places", got="none", remedy="Check the poses.")
     stacked = np.stack([p.picture.reshape(*size, 3) for p in made])
     known = np.stack([(p.known & (d.sight.mesh >= 0)).reshape(size) & ~d.clipped for p, d in zip(made, drive, strict=True)])
-    if scene.recording.noise is None:
+    if stated is None:
         noise = _lower(noise, recorded, stacked, known)
     bodies = np.stack([d.view.instances for d in drive])
     meshes = np.stack([np.where(d.sight.mesh == ENVIRONMENT, ENVIRONMENT, GROUND).reshape(size) for d in drive])
@@ -95,8 +101,9 @@ def drive_case(scene: Scene, factor: int | None = None, pose_error_px: float = 0
         cameras=tuple(d.view.camera for d in drive),
         label_names={GROUND: "ground", ENVIRONMENT: "environment"}
         | {int(i) + BODY: f"body {int(i)}" for i in np.unique(bodies[bodies > 0])},
+        exposures=exposures,
     )  # fmt: skip
-    case = build(given, noise, scene.recording.noise is None, _notes(factor, pose_error_px, known), scene.recording.root)
+    case = build(given, noise, stated is None, _notes(factor, pose_error_px, known), scene.recording.root)
     layers = {}
     for t, (d, p) in enumerate(zip(drive, made, strict=True)):
         others = [x.name for i, x in enumerate(drive) if i != t]
@@ -105,6 +112,11 @@ def drive_case(scene: Scene, factor: int | None = None, pose_error_px: float = 0
             "recorded": d.view.linear, "instances": d.view.instances,
         }  # fmt: skip
     return replace(case, layers=layers)
+
+
+def averaged_noise(noise: Noise, factor: int) -> Noise:
+    """Return the noise of means over `factor` x `factor` pixels, each of which has noise of its own."""
+    return Noise(noise.read_sigma / factor, noise.shot_gain / factor**2)
 
 
 def _lower(noise: Noise, recorded: Floats, predicted: Floats, known: NDArray[np.bool_]) -> Noise:

@@ -118,12 +118,21 @@ def smaller(camera: Camera, factor: int) -> Camera:
 
 
 def predict_frame(
-    scene: Scene, rays_scene: Any, surroundings: Surroundings, frames: list[DriveFrame], t: int, noise: Noise, pose_error_px: float
+    scene: Scene,
+    rays_scene: Any,
+    surroundings: Surroundings,
+    frames: list[DriveFrame],
+    t: int,
+    noise: Noise,
+    exposures: tuple[float, ...],
+    pose_error_px: float,
 ) -> Predicted:
     """Predict frame t from all others.
 
     Parameters
     ----------
+    noise, exposures
+        Of pictures before they were divided by the exposures of `frames`.
     pose_error_px : float
         Standard deviation of what poses and calibration may displace points by, in pixels of `frames`.
     """
@@ -140,7 +149,9 @@ def predict_frame(
     disagreement -= np.einsum("sp,spc->pc", share, colour / gains[:, None, None]) ** 2
     variance = _displaced(others, own, picture, share, pose_error_px) + _unresolved(own, (share * fineness).sum(axis=0))
     variance += _blurred(np.maximum(disagreement, 0), camera, 5)
-    variance += (noise.read_sigma**2 + noise.shot_gain * np.maximum(picture, 0)) * (share**2).sum(axis=0)[:, None]
+    exposure = np.array([e for i, e in enumerate(exposures) if i != t], np.float32)
+    read, shot = np.einsum("sp,s->p", share**2, exposure**-2), np.einsum("sp,s->p", share**2, 1 / exposure)
+    variance += noise.read_sigma**2 * read[:, None] + noise.shot_gain * shot[:, None] * np.maximum(picture, 0)
     return Predicted(picture, known, variance.astype(np.float32), colour, share, radius2, gloss.astype(np.float32))
 
 

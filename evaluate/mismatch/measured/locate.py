@@ -16,8 +16,9 @@ def bins_of(s: Samples) -> dict[str, NDArray[np.int64]]:
     """Return in which bin each sample lies (N,), by the coordinate: of one alone, and of pairs that belong together."""
     out = {name: _quantiles(x, _FINE) for name, x in s.coordinates.items()}
     pairs = [("half angle", "difference angle"), ("incidence angle", "viewing angle")] if s.kind == "directions" else []
+    coarse = int(np.clip(np.sqrt(len(s.value) / _LEAST), 1, _COARSE))
     for a, b in pairs:
-        out[f"{a} and {b}"] = _quantiles(s.coordinates[a], _COARSE) * _COARSE + _quantiles(s.coordinates[b], _COARSE)
+        out[f"{a} and {b}"] = _quantiles(s.coordinates[a], coarse) * coarse + _quantiles(s.coordinates[b], coarse)
     if s.kind == "directions":
         out["block"] = s.block
     return out
@@ -76,5 +77,7 @@ def binned(z: Floats, index: NDArray[np.int64]) -> tuple[Floats, Floats]:
 
 
 def _quantiles(x: Floats, n: int) -> NDArray[np.int64]:
+    # Fewer where there are few samples: bins that hold less than `_LEAST` would never be looked at.
+    n = int(np.clip(len(x) // (2 * _LEAST), 1, n))
     edges = np.unique(np.quantile(x, np.linspace(0, 1, n + 1)[1:-1]))
     return np.searchsorted(edges, x, "right").astype(np.int64)

@@ -52,6 +52,8 @@ class Given:
         Of that camera; None: the picture's width.
     label_names : dict of str or None
         Names of the ids; None: "picture" and "body ID".
+    exposures : tuple of float or None
+        By which pictures were divided that the noise is stated of; None: by nothing.
     """
 
     recorded: Floats
@@ -64,6 +66,7 @@ class Given:
     cameras: tuple[Camera, ...] | None = None
     focal_px: float | None = None
     label_names: dict[int, str] | None = None
+    exposures: tuple[float, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -141,8 +144,9 @@ def build(g: Given, noise: Noise, noise_estimated: bool, notes: tuple[str, ...] 
     notes += (f"{lost} pixels are NaN or infinite and were left out.",) if lost else ()
     recorded = np.where(valid[..., None], g.recorded, 0).astype(np.float32)
     cameras = g.cameras or (level_camera(width, height, g.focal_px, g.depth),) * frames
-    variance = sensor_variance(recorded, noise, [1.0] * frames)
-    entries = tuple(Frame(root / name, c, "linear") for name, c in zip(g.names, cameras, strict=True))
+    exposures = g.exposures or (1.0,) * frames
+    variance = sensor_variance(recorded, noise, list(exposures))
+    entries = tuple(Frame(root / name, c, "linear", exposure=e) for name, c, e in zip(g.names, cameras, exposures, strict=True))
     each = np.arange(frames)
     return PictureCase(
         Recording(entries, root, noise=noise),

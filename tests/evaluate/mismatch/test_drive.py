@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -93,6 +95,18 @@ def test_a_still_world_seen_from_several_places_is_consistent(tmp_path):
     d = diagnosed(drive(tmp_path))
     assert (d.verdict, d.findings) == ("consistent", [])
     assert d.case.valid.mean() > 0.5
+
+
+def test_stated_noise_is_that_of_single_pixels_before_they_are_divided_by_the_exposure(tmp_path):
+    scene = drive(tmp_path)
+    exposures = np.array([1.0, 2.0, 0.5, 1.0, 4.0])
+    frames = tuple(replace(f, exposure=float(e)) for f, e in zip(scene.recording.frames, exposures, strict=True))
+    case = drive_case(replace(scene, recording=replace(scene.recording, frames=frames)), factor=2)
+    signal, e = case.pictures, exposures[:, None, None, None]
+    alone = (NOISE.read_sigma**2 + NOISE.shot_gain * signal * e) / e**2
+    assert case.extra is not None
+    # Means of four pixels have a fourth of the variance.
+    np.testing.assert_allclose(case.noise_of(signal) - case.extra, alone / 4, rtol=1e-3, atol=1e-9)
 
 
 def test_exposures_are_found_on_frames_that_the_fit_never_saw(tmp_path):

@@ -11,8 +11,10 @@ from evaluate.diagnose_cli import main
 from evaluate.effects import catalogue
 from evaluate.mismatch.measured.diagnose import diagnose_file
 from evaluate.mismatch.measured.fit import Columns, solve_scales
+from evaluate.mismatch.measured.locate import located
 from evaluate.mismatch.measured.noise import of_directions
 from evaluate.mismatch.measured.outputs import as_json, write_measured_diagnosis
+from evaluate.mismatch.measured.samples import Samples
 from materials.foundation.errors import InputError
 
 from .measurements import LAMBERT, NM, brdf, directions, write_brdf, write_ground, write_table
@@ -93,6 +95,19 @@ def test_water_in_the_ground_is_named(tmp_path, formula, id):
     assert len(d.findings) == 1
     assert id in [d.findings[0].id, *d.findings[0].ambiguous_with]
     assert d.proof.chi2_before > 5 * d.proof.chi2_after
+
+
+def test_what_no_sample_shows_alone_is_located_in_means_of_few_samples_too(tmp_path):
+    elevation = np.linspace(20, 80, 40)
+    one, where = np.ones((40, 25)), {"elevation": elevation}
+    s = Samples("photographs", "few", tmp_path, one, one, np.arange(40) % 5, (), where, (), {}, False)
+    noise = np.clip(np.random.default_rng(0).normal(size=(40, 25)), -2, 2)
+    assert not located(s, noise).any()
+    # 2 sigma more below 35 degrees: no value beyond 4, but 6 standard errors for the mean of ten.
+    z = noise + 2.0 * (elevation < 35)[:, None]
+    found = located(s, z)
+    assert np.abs(z).max() <= 4
+    assert found[elevation < 35].mean() > 0.9 and not found[elevation > 36].any()
 
 
 def test_a_wrong_spectrum_is_no_water(tmp_path):
