@@ -29,7 +29,9 @@ class SensorResponse(Effect):
         return (Parameter("gamma", 1.0, 0.2, 5.0, 0.01),)
 
     def _middle(self, case: Case) -> float:
-        return float(np.median(case.pictures[case.valid])) + 1e-4
+        if "middle" not in case.cache:
+            case.cache["middle"] = float(np.median(case.pictures[case.valid])) + 1e-4
+        return case.cache["middle"]
 
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
         # radiance^gamma, held at a middle level so that it is not taken for a factor; albedos take up the rest.

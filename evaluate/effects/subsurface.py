@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from ..kernels import fragments, shade
+from ..kernels import diffused, fragments, shade
 from ..mismatch.case import Case
 from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, shapes_seen
 from ..mismatch.formation import State, frame_of
@@ -72,26 +73,29 @@ class Subsurface(Effect):
         own = np.flatnonzero(case.pieces.shape == shape)
         distance, near = cKDTree(at).query(case.pieces.position[own], k=6)
         weight = 1 / (distance + 1e-6) ** 2
-        apart = np.linalg.norm(at[:, None] - at[None], axis=-1)
+        apart = np.linalg.norm(at[:, None] - at[None], axis=-1).astype(np.float32)
         return {
-            "E": np.array(irradiance).T, "apart": apart, "own": own, "near": near,
+            "E": np.float32(np.array(irradiance).T), "apart": apart, "own": own, "near": near,
             "weight": weight / weight.sum(axis=1, keepdims=True), "shape": shape,
         }  # fmt: skip
 
     def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
-        # An exponential stands for the dipole's profile (H. W. Jensen et al., 2001): one length, no peak at its centre.
-        kernel = np.exp(-aux["apart"] / values["diffusion_length"])
-        blurred = kernel @ aux["E"] / kernel.sum(axis=1, keepdims=True)
         own, slots = aux["own"], case.slots[frame_of(case)[aux["own"]]]
         row = state.surfaces[aux["shape"]]
-        irradiance = np.zeros((len(own), 3))
-        for s in range(slots.shape[1]):
-            lit = slots[:, s] >= 0
-            at = (blurred[aux["near"][lit], slots[lit, s][:, None]] * aux["weight"][lit]).sum(axis=1)
-            irradiance[lit] += at[:, None] * state.lamps[slots[lit, s], fragments.LAMP_POWER :]
+        irradiance = np.empty((len(own), 3))
+        spread = self._spread(aux, float(values["diffusion_length"]))
+        diffused.irradiance(spread, aux["near"], aux["weight"], slots, state.lamps, irradiance)
         factor = np.array([values[f"factor.{c}"] for c in "rgb"])
         share = values["local_share"]
         added = np.zeros((len(case.pieces), 3), np.float32)
         added[own] = irradiance * factor * (1 - share) / (np.pi * max(share, 1e-3))
         row[shade.SCALE : shade.SCALE + 3] *= max(share, 1e-3)
         state.add_ambient(added)
+
+    def _spread(self, aux: Any, length: float) -> NDArray[np.float32]:
+        """Return what comes to each place from all others, per lamp; the last is kept, as most derivatives leave it as it is."""
+        if aux.get("length") != length:
+            # An exponential stands for the dipole's profile (H. W. Jensen et al., 2001): one length, no peak at its centre.
+            kernel = np.exp(aux["apart"] / np.float32(-length))
+            aux["length"], aux["spread"] = length, kernel @ aux["E"] / kernel.sum(axis=1, keepdims=True)
+        return aux["spread"]
