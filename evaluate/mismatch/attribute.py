@@ -144,13 +144,15 @@ def search(
     seen: set[frozenset] = set()
     for depth in range(settings.most):
         found: list[Model] = []
+        before: dict[frozenset, float] = {}
         for model in front:
-            found += _extend(model, start, effects, settings, trials, depth)
+            more = _extend(model, start, effects, settings, trials, depth)
+            found += more
+            before |= {_key(m): max(model.excess, before.get(_key(m), 0.0)) for m in more}
         unique = []
         for model in sorted(found, key=lambda m: m.total):
-            key = frozenset(t.key for t in model.effects)
-            if key not in seen:
-                seen.add(key)
+            if _key(model) not in seen:
+                seen.add(_key(model))
                 unique.append(model)
         if not unique:
             break
@@ -159,7 +161,9 @@ def search(
         finished += unique
         best = unique[0]
         say("  " + " + ".join(_names(best)) + f": held-out chi-square {best.total / (weight > 0).sum():.4f}")
-        front = [m for m in unique[: settings.branches] if m.excess < 3 * max(best.excess, 0) + 0.01]
+        # What does not pay for itself will not be chosen, and is no ground to build on.
+        near = [m for m in unique[: settings.branches] if m.excess < 3 * max(best.excess, 0) + 0.01]
+        front = [m for m in near if m.excess < (1 - settings.least_share) * before[_key(m)]]
     return start, _choose(case, weight, finished, settings), trials
 
 
@@ -184,6 +188,10 @@ def spread_frames(case: Case, most: int) -> NDArray[np.int64]:
         lit[case.lit[f]] += 1
         pose[case.pose[f]] += 1
     return np.array(sorted(chosen))
+
+
+def _key(model: Model) -> frozenset:
+    return frozenset(t.key for t in model.effects)
 
 
 def _names(model: Model) -> list[str]:
