@@ -75,7 +75,7 @@ class ParticipatingMedium(Effect):
             veil.arriving(frame, p.position, case.slots, state.lamps, sigma_lamp, scale_height, base, state.arriving)
             state.add_ambient(open_sky(case)[:, None] * np.float32(values["fill"]) * air)
         if forward > 0:
-            self._spread(case, state, through, sigma_t * forward / thin, float(values["turn"]))
+            self._spread(case, state, through, forward / (1 - forward), float(values["turn"]))
         # High up the fog is nearer to sun and sky.
         share = (1 - through) + np.float32(values.get("rise", 0.0)) * lift[:, None]
         state.veil(through, share * air + np.float32(single) * lamp_light)

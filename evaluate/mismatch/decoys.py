@@ -1,7 +1,8 @@
 """Flexible corrections that are no physics: an effect has to explain more than they do, in coordinates that are wrong for it.
 
-A smooth gain and offset over the sensor, a smooth gain over each surface, a gain and offset of each frame. Camera corrections
-of this kind raise the score of almost any fit; an effect of a surface that does no better than a gain over the sensor is none.
+A smooth gain and offset over the sensor, a smooth gain over each surface, a gain and offset of each frame, a mixing of
+colours. Camera corrections of this kind raise the score of almost any fit; an effect of a surface that does no better than a
+gain over the sensor is none.
 """
 
 from __future__ import annotations
@@ -96,12 +97,36 @@ class TimeDecoy(Effect):
         state.sensor.append(lambda picture: picture * np.exp(gain) + offset)
 
 
-_DECOYS: tuple[type[Effect], ...] = (SensorDecoy, SurfaceDecoy, TimeDecoy)
+class ColourDecoy(Effect):
+    """Shares of each colour channel in the others, the same everywhere."""
+
+    id = "decoy_colour"
+    stage = "sensor"
+    title = "a mixing of the colour channels"
+    says = "no physics"
+    coordinates = "colour"
+    on_picture = True
+    _pairs = tuple((to, of) for to in range(3) for of in range(3) if to != of)
+
+    def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
+        # What a channel keeps of its own is left to albedos and lamps.
+        return tuple(Parameter(f"share.{'rgb'[of]}.{'rgb'[to]}", 0.0, -1.0, 1.0, 0.005) for to, of in self._pairs)
+
+    def change(self, case: Case, state: State, values: Values, target: str | None, aux: Any) -> None:
+        mix = np.eye(3, dtype=np.float32)
+        for to, of in self._pairs:
+            mix[to, of] = values[f"share.{'rgb'[of]}.{'rgb'[to]}"]
+        state.sensor.append(lambda picture: picture @ mix.T)
+
+
+_DECOYS: tuple[type[Effect], ...] = (SensorDecoy, SurfaceDecoy, TimeDecoy, ColourDecoy)
 # Coordinates in which a decoy of these coordinates is no rival but the effect itself, less exactly.
 _OWN = {
     "sensor": {"sensor"},
     "surface": {"surface", "half vector", "lamp"},
     "frame": {"frame", "time", "lamp"},
+    # No effect lives there: those of colours (lamps, fog, subsurface light) are told by where they show.
+    "colour": set(),
 }
 
 

@@ -28,7 +28,9 @@ def test_a_true_effect_explains_more_than_its_decoys(tmp_path):
     case = recorded(tmp_path, simulation(), {"specular_lobe.ball": {"specular_scale": 2.0, "alpha": 0.25}})
     d = diagnose(case, some("specular_lobe", "rough_diffuse"))
     (finding,) = d.findings
-    assert {r.title for r in finding.decoys} == {"a smooth gain over the sensor", "a gain and an offset of each frame"}
+    assert {r.title for r in finding.decoys} == {
+        "a smooth gain over the sensor", "a gain and an offset of each frame", "a mixing of the colour channels",
+    }  # fmt: skip
     assert all(r.gain > 0 and r.sigmas > 3 for r in finding.decoys)
     assert as_json(d)["effects"][0]["decoys"][0]["gain_over"] > 0
 
@@ -58,3 +60,13 @@ def test_what_a_gain_over_the_sensor_explains_better_is_not_named(tmp_path):
     assert d.findings == []
     assert d.verdict == "unexplained"
     assert d.notes == ["half_tilt lowered the residual, but a smooth gain over the sensor lowers it more: it is not shown."]
+
+
+def test_what_a_mixing_of_colours_explains_better_is_not_named(tmp_path):
+    mix = np.array([[0.94, 0.05, 0.01], [0.04, 0.92, 0.04], [0.0, 0.06, 0.94]], np.float32)
+    case = recorded(tmp_path, simulation(), {}, lambda p: p @ mix.T)
+    d = diagnose(case, some("albedo_error", "sensor_response", "subsurface"))
+    assert d.findings == []
+    assert d.verdict == "unexplained"
+    assert d.notes
+    assert all("a mixing of the colour channels lowers it more" in note for note in d.notes)
