@@ -5,10 +5,12 @@ import math
 import numpy as np
 from numba import njit, prange
 
+from materials.kernels.lean import lean
+
 from .noise import spectral_3d
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def ground_height(ground, frame, x, y):
     """Return the height of the ground map (rows, cols) at a place, bilinear, clamped; `frame` is (x_min, y_min, cell)."""
     rows, cols = ground.shape
@@ -22,7 +24,7 @@ def ground_height(ground, frame, x, y):
     return near * (1.0 - v) + far * v
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def unevenness(p, noise, seed):
     """Return P of eq 6.6 at a point: mean 1, within [0, 2]; `noise` is (scale, exponent, octaves, contrast).
 
@@ -34,7 +36,7 @@ def unevenness(p, noise, seed):
     return min(max(1.0 + noise[3] * n, 0.0), 2.0)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def density(p, ground, frame, scale_height, noise, seed):
     """Return P exp(-d / scale height) at a point; below the ground d is 0."""
     d = max(p[2] - ground_height(ground, frame, p[0], p[1]), 0.0)

@@ -2,10 +2,9 @@
 
 import math
 
-from numba import njit
-
 from materials.kernels import phase
 from materials.kernels.frames import dot
+from materials.kernels.lean import lean
 
 from .bodies import passage, scatter_in
 from .lights import num_lights, sample_light
@@ -14,7 +13,7 @@ from .sampler import draw2
 from .shading import power_heuristic
 
 
-@njit(cache=True)
+@lean()
 def airlight(world, lights, medium, bodies, body, buffer, s, stream, index, dimension, num_dimensions, p, d):
     """Return the light that comes straight from the lights to a particle at p and is turned against a ray along d.
 

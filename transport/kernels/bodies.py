@@ -9,9 +9,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from materials.kernels.frames import dot
+from materials.kernels.lean import lean
 from materials.kernels.phase import Phase
 
 from .emitters import FAR, spheres_block
@@ -34,13 +34,13 @@ class BodyArrays(NamedTuple):
     matched: Any  # (M,) bool
 
 
-@njit(cache=True)
+@lean()
 def body_behind(bodies, material, ng, d):
     """Return the body that a ray along d is in after it has crossed a face with the outward normal ng."""
     return material if dot(ng, d) < 0.0 and bodies.sigma_t[material] > 0.0 else _AIR
 
 
-@njit(cache=True)
+@lean()
 def scatter_in(medium, bodies, body):
     """Return albedo and phase function of what fills a body, or of the air."""
     if body == _AIR:
@@ -49,7 +49,7 @@ def scatter_in(medium, bodies, body):
     return (a[0], a[1], a[2]), Phase(q[0], q[1], q[2], q[3])
 
 
-@njit(cache=True)
+@lean()
 def _crossed(world, bodies, face, b1, b2, d):
     """Return (is matched, start of the ray behind, body behind) of a face that a ray meets."""
     material = world.shape_material[world.face_shape[face]]
@@ -57,7 +57,7 @@ def _crossed(world, bodies, face, b1, b2, d):
     return bodies.matched[material], leave(p, ng, d), body_behind(bodies, material, ng, d)
 
 
-@njit(cache=True)
+@lean()
 def fly(world, medium, bodies, body, buffer, s, u, state, o, d):
     """Follow a ray to its first collision, or to the first surface that is one to light.
 
@@ -86,7 +86,7 @@ def fly(world, medium, bodies, body, buffer, s, u, state, o, d):
     return False, -1, 0.0, 0.0, 0.0, o, body
 
 
-@njit(cache=True)
+@lean()
 def passage(world, medium, bodies, body, buffer, s, state, o, d, far):
     """Return the share of the light that gets from o along d to `far`: 0 behind a surface, less than 1 through media."""
     if spheres_block(world.spheres, o, d, far):

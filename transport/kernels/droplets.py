@@ -13,6 +13,7 @@ from numba import njit, prange
 
 from materials.kernels.frames import dot, normalize, refract
 from materials.kernels.fresnel import dielectric
+from materials.kernels.lean import lean
 
 from .optics import camera_ray
 from .rays import hit_normal, intersect, ray_buffer
@@ -43,7 +44,7 @@ class DropArrays(NamedTuple):
     focus_distance: float
 
 
-@njit(cache=True)
+@lean()
 def _world(drops, v):
     """Return a camera vector in the world."""
     R = drops.R
@@ -54,7 +55,7 @@ def _world(drops, v):
     )
 
 
-@njit(cache=True)
+@lean()
 def _camera(drops, v):
     """Return a world vector in the camera's frame."""
     R = drops.R
@@ -65,7 +66,7 @@ def _camera(drops, v):
     )
 
 
-@njit(cache=True)
+@lean()
 def lens_ray(drops, d, u0, u1):
     """Return origin and direction, in the camera's frame, of a ray of the thin lens that meets the pinhole's d in focus."""
     r, phi = drops.aperture_radius * math.sqrt(u0), 2.0 * math.pi * u1
@@ -74,7 +75,7 @@ def lens_ray(drops, d, u0, u1):
     return o, normalize((s * d[0] - o[0], s * d[1] - o[1], s * d[2] - o[2]))
 
 
-@njit(cache=True)
+@lean()
 def _normal(drops, face, b1, b2, ng):
     """Return the normal of a drop, outwards: that of the field, but on the glass the glass's."""
     if dot(ng, (drops.glass_normal[0], drops.glass_normal[1], drops.glass_normal[2])) < -0.999:
@@ -91,7 +92,7 @@ def _normal(drops, face, b1, b2, ng):
     return m if dot(m, ng) > 0.0 else ng
 
 
-@njit(cache=True)
+@lean()
 def refracted(drops, buffer, s, state, o, d):
     """Return (number of encounters, origin, direction, weight) of a ray behind the drops; weight 0 is light that is lost."""
     inside = False

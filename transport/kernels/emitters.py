@@ -7,9 +7,8 @@ radiance, the density per area is the same over all of a shape: its mean radianc
 
 import math
 
-from numba import njit
-
 from materials.kernels.frames import basis, dot, normalize
+from materials.kernels.lean import lean
 
 from .arrays import (
     EMISSION,
@@ -35,7 +34,7 @@ SHORT = 1.0 - 1e-4
 _BLACK = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True)
+@lean()
 def find(cdf, u):
     """Return the index of the interval of a cumulative distribution that holds u."""
     low, high = 0, len(cdf) - 1
@@ -48,7 +47,7 @@ def find(cdf, u):
     return low
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def meet_sphere(x, y, z, radius, o, d):
     """Return the distance to the first point of a sphere on a ray from outside, FAR for none; seen from inside there is none."""
     x, y, z = x - o[0], y - o[1], z - o[2]
@@ -61,7 +60,7 @@ def meet_sphere(x, y, z, radius, o, d):
     return along - math.sqrt(room)
 
 
-@njit(cache=True)
+@lean()
 def nearest_sphere(spheres, o, d):
     """Return (index, distance) of the first sphere on a ray; (-1, FAR) for none."""
     best, t = -1, FAR
@@ -72,7 +71,7 @@ def nearest_sphere(spheres, o, d):
     return best, t
 
 
-@njit(cache=True)
+@lean()
 def spheres_block(spheres, o, d, far):
     """Return whether a glowing sphere stands in the way of a ray that is to end after `far`, perhaps on a sphere itself.
 
@@ -90,14 +89,14 @@ def spheres_block(spheres, o, d, far):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _cone(x, y, z, radius):
     """Return 1 - cos of the half angle under which a sphere at (x, y, z) is seen."""
     sin2 = min(radius * radius / (x * x + y * y + z * z), 1.0)
     return sin2 / (1.0 + math.sqrt(1.0 - sin2))
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _glow(lights, row, u, v):
     r, g, b = row[EMITTER_RADIANCE], row[EMITTER_RADIANCE + 1], row[EMITTER_RADIANCE + 2]
     texture = int(row[EMITTER_TEXTURE])
@@ -108,7 +107,7 @@ def _glow(lights, row, u, v):
     return r, g, b
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _sample_sphere(row, chance, p, u0, u1):
     """As `sample_emitter`, of a sphere chosen with probability `chance`."""
     radius = row[EMITTER_RADIUS]
@@ -131,7 +130,7 @@ def _sample_sphere(row, chance, p, u0, u1):
     return d, far * SHORT, e, density
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def sample_emitter(lights, p, u0, u1):
     """Return (direction, distance, radiance over pdf, pdf) of a point on a lamp as seen from p."""
     i = find(lights.emitter_cdf, u0)
@@ -166,7 +165,7 @@ def sample_emitter(lights, p, u0, u1):
     return d, r * SHORT, (glow[0] / density, glow[1] / density, glow[2] / density), density
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def sphere_seen(lights, world, o, d):
     """Return (is met, radiance, pdf of `sample_emitter`) of the first glowing sphere on a ray."""
     i, _ = nearest_sphere(world.spheres, o, d)
@@ -180,7 +179,7 @@ def sphere_seen(lights, world, o, d):
     return True, (row[EMITTER_RADIANCE], row[EMITTER_RADIANCE + 1], row[EMITTER_RADIANCE + 2]), density
 
 
-@njit(cache=True)
+@lean()
 def emitted(world, hit, d):
     """Return the radiance that a glowing surface sends against a ray along d."""
     row = world.material_values[hit.material]
@@ -195,7 +194,7 @@ def emitted(world, hit, d):
     return r, g, b
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def surface_density(world, lights, hit, d, distance):
     """Return the pdf [1/sr] with which `sample_emitter` finds the glowing point that a ray has met after `distance`."""
     if lights.emitter_total <= 0.0:

@@ -1,7 +1,5 @@
 """What the surface that the camera sees makes of light: its colour, and its specular lobes apart from its matte part."""
 
-from numba import njit
-
 from materials.kernels import bsdf
 from materials.kernels.fresnel import conductor
 from materials.kernels.kinds import (
@@ -19,12 +17,13 @@ from materials.kernels.kinds import (
     Surface,
 )
 from materials.kernels.lambert import INV_PI
+from materials.kernels.lean import lean
 from materials.kernels.lobes import is_lobed
 
 _BLACK = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def base_colour(surface):
     """Return a colour that does not depend on the view: the matte part's albedo, or where there is none the mirror's.
 
@@ -45,7 +44,7 @@ def base_colour(surface):
     return (surface.albedo_r, surface.albedo_g, surface.albedo_b)
 
 
-@njit(cache=True)
+@lean()
 def without_diffuse(x):
     """Return a surface with its specular lobes alone."""
     r, g, b, more = 0.0, 0.0, 0.0, x.more
@@ -57,7 +56,7 @@ def without_diffuse(x):
     return Surface(x.kind, r, g, b, scale, x.eta, x.alpha_u, x.alpha_v, eta, film, x.tau_r, x.tau_g, x.tau_b, more)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def specular_part(surface, wo, wi, f):
     """Return what the specular lobes have in `f`, the value of `bsdf.evaluate` for the same directions."""
     kind = surface.kind
@@ -75,7 +74,7 @@ def specular_part(surface, wo, wi, f):
     return bsdf.evaluate(without_diffuse(surface), wo, wi)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def specular_share(surface, wo, wi, weight, pdf):
     """Return the specular lobes' share of f per channel, in [0, 1], from a sample's weight f cos / pdf; 0 where f is."""
     if pdf <= 0.0 or wi[2] == 0.0:

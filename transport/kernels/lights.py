@@ -5,15 +5,14 @@ Panoramas run from the zenith (first row) to the nadir, columns from azimuth -pi
 
 import math
 
-from numba import njit
-
 from materials.kernels.frames import basis
+from materials.kernels.lean import lean
 
 from .arrays import POINT_INTENSITY, POINT_POSITION, SUN_COS, SUN_DIRECTION, SUN_POWER, SUN_SOLID_ANGLE
 from .emitters import FAR, find, sample_emitter
 
 
-@njit(cache=True)
+@lean()
 def _texel(panorama, dx, dy, dz):
     """Return fractional (row, col) of a direction."""
     height, width = panorama.shape[0], panorama.shape[1]
@@ -22,7 +21,7 @@ def _texel(panorama, dx, dy, dz):
     return row, col
 
 
-@njit(cache=True)
+@lean()
 def environment_radiance(panorama, dx, dy, dz):
     """Return the panorama's radiance along a direction, bilinear."""
     height, width = panorama.shape[0], panorama.shape[1]
@@ -48,7 +47,7 @@ def environment_radiance(panorama, dx, dy, dz):
     return r, g, b
 
 
-@njit(cache=True)
+@lean()
 def _texel_density(row_cdf, col_cdf, row, col, height, width):
     """Return the density per solid angle of directions in a texel: its probability over its solid angle."""
     probability = (row_cdf[row + 1] - row_cdf[row]) * (col_cdf[row, col + 1] - col_cdf[row, col])
@@ -56,7 +55,7 @@ def _texel_density(row_cdf, col_cdf, row, col, height, width):
     return probability / solid_angle
 
 
-@njit(cache=True)
+@lean()
 def environment_pdf(panorama, row_cdf, col_cdf, dx, dy, dz):
     """Return the density [1/sr] with which `sample_environment` gives a direction."""
     height, width = panorama.shape[0], panorama.shape[1]
@@ -64,7 +63,7 @@ def environment_pdf(panorama, row_cdf, col_cdf, dx, dy, dz):
     return _texel_density(row_cdf, col_cdf, min(int(row), height - 1), min(int(col), width - 1), height, width)
 
 
-@njit(cache=True)
+@lean()
 def sample_environment(panorama, row_cdf, col_cdf, u0, u1):
     """Return (direction, pdf): texels by brightness, uniform over the solid angle within one."""
     height, width = panorama.shape[0], panorama.shape[1]
@@ -83,7 +82,7 @@ def sample_environment(panorama, row_cdf, col_cdf, u0, u1):
     return s * math.cos(phi), s * math.sin(phi), z, _texel_density(row_cdf, col_cdf, row, col, height, width)
 
 
-@njit(cache=True)
+@lean()
 def sample_sun(suns, i, u0, u1):
     """Return (direction, radiance over pdf) of a point on a sun's disc; a delta sun always gives its centre.
 
@@ -101,7 +100,7 @@ def sample_sun(suns, i, u0, u1):
     return dx, dy, dz, suns[i, SUN_POWER], suns[i, SUN_POWER + 1], suns[i, SUN_POWER + 2]
 
 
-@njit(cache=True)
+@lean()
 def sun_pdf(suns, i, dx, dy, dz):
     """Return the density [1/sr] of a direction under `sample_sun`: 0 outside the disc and for delta suns."""
     if suns[i, SUN_COS] >= 1.0:
@@ -110,14 +109,14 @@ def sun_pdf(suns, i, dx, dy, dz):
     return 1.0 / suns[i, SUN_SOLID_ANGLE] if c >= suns[i, SUN_COS] else 0.0
 
 
-@njit(cache=True)
+@lean()
 def num_lights(lights):
     """Return how many lights `sample_light` knows: the environment, the suns, the points, and all lamps as one."""
     others = lights.suns.shape[0] + lights.points.shape[0] + (1 if lights.emitter_total > 0.0 else 0)
     return (1 if lights.panorama.shape[0] > 0 else 0) + others
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def sample_light(lights, i, p, u0, u1):
     """Return (direction, distance, radiance over pdf, pdf) of light i as seen from p; the pdf of delta lights is infinite."""
     if lights.panorama.shape[0] > 0:

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from materials.kernels.lean import lean
 from materials.kernels.phase import Phase
 from scene.kernels import spray
 
@@ -47,26 +48,26 @@ class MediumArrays(NamedTuple):
     seed: Any  # uint64, of that noise
 
 
-@njit(cache=True)
+@lean()
 def phase_of(medium):
     """Return the phase function."""
     q = medium.phase
     return Phase(q[0], q[1], q[2], q[3])
 
 
-@njit(cache=True)
+@lean()
 def uniform(state, k):
     """Return the k-th number in [0, 1) of a stream; tracking needs more of them than a sampler has dimensions."""
     return hash2(state, np.uint32(k)) * _TO_UNIT
 
 
-@njit(cache=True)
+@lean()
 def tracking(stream, index, dimension):
     """Return the stream of numbers that tracks a ray; those of `draw1` and `draw2` are others, as they hash in another order."""
     return hash2(hash2(stream, np.uint32(index)), np.uint32(dimension))
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def span(medium, o, d, far):
     """Return where a ray enters and leaves the box [m]; entry beyond exit is a miss."""
     t0, t1 = 0.0, far
@@ -80,7 +81,7 @@ def span(medium, o, d, far):
     return t0, t1
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def optical_depth(medium, o, d, t0, t1):
     """Return the integral of the extinction from t0 to t1, for kinds with a closed form."""
     if medium.kind == EVEN:
@@ -92,7 +93,7 @@ def optical_depth(medium, o, d, t0, t1):
     return -start * math.expm1(-rate * (t1 - t0)) / rate
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _distance_of(medium, o, d, t0, tau):
     """Return the distance at which the optical depth from t0 is tau, FAR where it never is."""
     if medium.sigma_t <= 0.0:
@@ -111,7 +112,7 @@ def _distance_of(medium, o, d, t0, tau):
     return t0 - math.log1p(-x) / rate
 
 
-@njit(cache=True)
+@lean()
 def _cell(x, count):
     """Return the two neighbours and the weight of the second at x in [0, 1] among `count` cell centres."""
     x = min(max(x * count - 0.5, 0.0), count - 1.0)
@@ -119,7 +120,7 @@ def _cell(x, count):
     return i, min(i + 1, count - 1), x - i
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def extinction(medium, p):
     """Return the extinction at a point of the box of a medium that is tracked [1/m]."""
     if medium.kind == SPRAY:
@@ -133,7 +134,7 @@ def extinction(medium, p):
     return medium.sigma_t * (below * (1.0 - w) + above * w)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _axis(medium, c, count, x, d):
     """Return (cell, step, ray distance per cell, ray distance to the next border) of one axis of the walk at coordinate x."""
     size = (medium.high[c] - medium.low[c]) / count
@@ -144,7 +145,7 @@ def _axis(medium, c, count, x, d):
     return i, (1 if d > 0.0 else -1), size / abs(d), max((border - x) / d, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _walk(medium, o, d, t0, t1, state, stops):
     """Walk through the cells; return (distance of the first collision or FAR, share of the light that gets through).
 
@@ -196,7 +197,7 @@ def _walk(medium, o, d, t0, t1, state, stops):
     return FAR, share
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def flight(medium, o, d, far, u, state):
     """Return the distance that light flies before it collides, FAR if it gets to `far`.
 
@@ -211,7 +212,7 @@ def flight(medium, o, d, far, u, state):
     return t if t < t1 else FAR
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def transmittance(medium, o, d, far, state):
     """Return the share of the light that gets through to `far`: exact, or an unbiased estimate where it must be tracked."""
     t0, t1 = span(medium, o, d, far)

@@ -14,6 +14,7 @@ from numba import njit, prange
 
 from materials.kernels import phase
 from materials.kernels.frames import dot
+from materials.kernels.lean import lean
 
 from .emitters import FAR
 from .media import extinction, flight, phase_of, span, tracking, uniform
@@ -33,7 +34,7 @@ _FLIGHT, _TURN, _LOBE, _DEPTH = 40, 41, 1, 42
 _NOWHERE = (0.0, 0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _depth(medium, o, d, t0, t1, u):
     """Return an unbiased estimate of the optical depth from t0 to t1 from points that u in [0, 1) moves along."""
     count = min(max(int((t1 - t0) / _SPACING), _FEWEST), _MOST)
@@ -45,7 +46,7 @@ def _depth(medium, o, d, t0, t1, u):
     return total * step
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def even_transmittance(medium, o, d, far, state):
     """Return an unbiased estimate of the transmittance, of little noise, of a medium that is tracked."""
     t0, t1 = span(medium, o, d, far)
@@ -63,13 +64,13 @@ def even_transmittance(medium, o, d, far, state):
         k += 1
 
 
-@njit(cache=True)
+@lean()
 def _through(world, picture, diffuse, ground, medium, buffer, s, stream, index, p, d, ng, weight, bounces):
     """As `reflected_radiance` through the medium; a function of its own keeps one copy of it."""
     return reflected_radiance(world, picture, diffuse, ground, medium, buffer, s, stream, index, p, d, ng, weight, bounces)
 
 
-@njit(cache=True)
+@lean()
 def _gloss_change(world, picture, diffuse, ground, medium, buffer, s, stream, index, row, col, p, ng, d, bounces):
     """Return by how much mist changes the specular light of the ground that a ray of the camera sees at p."""
     wo = (-d[0], -d[1], -d[2])

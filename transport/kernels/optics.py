@@ -3,9 +3,8 @@
 import math
 from typing import Any, NamedTuple
 
-from numba import njit
-
 from materials.kernels.frames import dot
+from materials.kernels.lean import lean
 
 from .sampler import draw1, draw2
 
@@ -40,7 +39,7 @@ class OpticsArrays(NamedTuple):
     readout: float
 
 
-@njit(cache=True)
+@lean()
 def camera_ray(camera, x, y):
     """Return origin and unit direction of the ray through pixel position (x, y)."""
     c, sx, sy = camera.corner, camera.step_x, camera.step_y
@@ -51,7 +50,7 @@ def camera_ray(camera, x, y):
     return (camera.origin[0], camera.origin[1], camera.origin[2]), (v[0] / length, v[1] / length, v[2] / length)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def undistort(q, x, y):
     """Return the undistorted place of a distorted one, both at depth 1, by Newton's steps (as `Camera.rays`)."""
     u, v = x, y
@@ -71,7 +70,7 @@ def undistort(q, x, y):
     return u, v
 
 
-@njit(cache=True)
+@lean()
 def _turned(q, v, angle):
     """Return v turned about the axis (Rodrigues)."""
     k = (q.axis[0], q.axis[1], q.axis[2])
@@ -84,7 +83,7 @@ def _turned(q, v, angle):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def optics_ray(q, x, y, lens, time):
     """Return origin and unit direction of a ray through pixel position (x, y), a point of [0, 1)² on the lens, and a time."""
     u, v = (x - q.cx) / q.fx, (y - q.cy) / q.fy
@@ -112,7 +111,7 @@ def optics_ray(q, x, y, lens, time):
     )
 
 
-@njit(cache=True)
+@lean()
 def sample_ray(camera, optics, stream, index, x, y):
     """Return the ray of a sample: that of the pinhole where `optics` is None, else one through lens and shutter."""
     if optics is None:
@@ -120,7 +119,7 @@ def sample_ray(camera, optics, stream, index, x, y):
     return optics_ray(optics, x, y, draw2(stream, index, _LENS), draw1(stream, index, _TIME))
 
 
-@njit(cache=True)
+@lean()
 def central_ray(camera, optics, x, y):
     """Return the ray through the middle of the lens, in the middle of the exposure."""
     if optics is None:

@@ -8,11 +8,10 @@ compiles the tracer without a trace of media; where `tables` is, without measure
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from materials.kernels import bsdf, phase
 from materials.kernels.frames import basis, dot, to_local, to_world
 from materials.kernels.kinds import SECOND_ALPHA_U, SECOND_ALPHA_V, TABULATED
+from materials.kernels.lean import lean
 
 from . import scatter
 from .airlight import airlight
@@ -63,7 +62,7 @@ class Sample(NamedTuple):
     normal: tuple
 
 
-@njit(cache=True)
+@lean()
 def beyond(world, lights, o, d, pdf, is_delta):
     """Return the radiance of glowing spheres, sky and sun discs along a ray that met no surface.
 
@@ -89,7 +88,7 @@ def beyond(world, lights, o, d, pdf, is_delta):
     return r, g, b
 
 
-@njit(cache=True)
+@lean()
 def glow(world, lights, hit, d, distance, pdf, is_delta):
     """Return the radiance of a glowing surface met after `distance`, weighted as in `beyond`."""
     e = emitted(world, hit, d)
@@ -99,13 +98,13 @@ def glow(world, lights, hit, d, distance, pdf, is_delta):
     return e[0] * w, e[1] * w, e[2] * w
 
 
-@njit(cache=True)
+@lean()
 def _facing(ng, two_faced, w):
     """Return whether w leaves a reflecting surface on the side of its geometric normal; glass lets it pass anywhere."""
     return two_faced or dot(ng, w) > 0.0
 
 
-@njit(cache=True)
+@lean()
 def direct(
     world, tables, lights, medium, bodies, body, buffer, s, stream, index, dimension, hit, surface, frame, wo, two_faced, splits
 ):
@@ -154,7 +153,7 @@ def direct(
     return (r, g, b), (sr, sg, sb)
 
 
-@njit(cache=True)
+@lean()
 def _gather(total, specular, beta, e, share, limit):
     """Return the sums of all and of specular light with e of weight beta added, cut off at `limit`."""
     r, g, b = min(beta[0] * e[0], limit), min(beta[1] * e[1], limit), min(beta[2] * e[2], limit)
@@ -162,17 +161,17 @@ def _gather(total, specular, beta, e, share, limit):
     return all_light, (specular[0] + share[0] * r, specular[1] + share[1] * g, specular[2] + share[2] * b)
 
 
-@njit(cache=True)
+@lean()
 def _times(a, b):
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
-@njit(cache=True)
+@lean()
 def _flip(v):
     return (-v[0], -v[1], -v[2])
 
 
-@njit(cache=True)
+@lean()
 def scattering_frame(world, hit, normal, wo_world, anisotropic):
     """Return (t, b, n) with n on the viewer's side; where the shading normal turns away, the geometric one serves."""
     n = normal
@@ -187,7 +186,7 @@ def scattering_frame(world, hit, normal, wo_world, anisotropic):
     return t, b, n
 
 
-@njit(cache=True)
+@lean()
 def radiance(
     world,
     tables,

@@ -9,9 +9,9 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from materials.kernels.frames import dot, normalize
+from materials.kernels.lean import lean
 
 from .lights import environment_radiance
 from .rays import hit_normal, intersect
@@ -51,7 +51,7 @@ def pack(image, near, far, instance):
     return texels
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def project(P, p):
     """Return pixel position and depth of a world point."""
     x = P[0, 0] * p[0] + P[0, 1] * p[1] + P[0, 2] * p[2] + P[0, 3]
@@ -62,7 +62,7 @@ def project(P, p):
     return x / z, y / z, z
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def sample_image(image, texels, x, y, wanted):
     """Return a picture at a position, bilinear over those of the four pixels that show instance `wanted`."""
     height, width = texels.shape[0], texels.shape[1]
@@ -87,12 +87,12 @@ def sample_image(image, texels, x, y, wanted):
     return r / total, g / total, b / total
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def _is_inside(picture, x, y):
     return 0.0 <= x < picture.texels.shape[1] and 0.0 <= y < picture.texels.shape[0]
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def instance_at(picture, x, y):
     """Return the moving object that the pixel at a position shows; -1 outside the picture."""
     if not _is_inside(picture, x, y):
@@ -100,7 +100,7 @@ def instance_at(picture, x, y):
     return int(picture.texels[int(y), int(x), _INSTANCE])
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def is_seen(picture, x, y, z, instance):
     """Return whether the camera sees a point that projects to (x, y) at depth z, rather than something before it."""
     if not _is_inside(picture, x, y):
@@ -114,7 +114,7 @@ def is_seen(picture, x, y, z, instance):
     return picture.texels[row, col, _NEAR] - slack <= z <= picture.texels[row, col, _FAR] + slack
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def _fill(picture, faces, face, b1, b2):
     """Return fill colour and weight at barycentric coordinates, from those vertices that have one."""
     r = g = b = total = 0.0
@@ -130,7 +130,7 @@ def _fill(picture, faces, face, b1, b2):
     return r / total, g / total, b / total, total
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def role_of(picture, world, face):
     """Return the role of a face; static ones, which count first, need no look-up."""
     if face < picture.num_ground_faces:
@@ -140,7 +140,7 @@ def role_of(picture, world, face):
     return picture.role[world.face_shape[face]]
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def radiance_of(picture, image, world, face, b1, b2, p):
     """Return the radiance of a surface point; `image` is the picture (its texels) or a layer of it."""
     role = role_of(picture, world, face)
@@ -157,7 +157,7 @@ def radiance_of(picture, image, world, face, b1, b2, p):
     return picture.mean[shape, 0], picture.mean[shape, 1], picture.mean[shape, 2]
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def sky_radiance(picture, d):
     """Return the radiance from beyond all meshes: the picture where it shows the sky there, else the panorama."""
     P = picture.P
@@ -172,7 +172,7 @@ def sky_radiance(picture, d):
     return environment_radiance(picture.sky, d[0], d[1], d[2])
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def is_there(picture, world, face, p, from_camera):
     """Return whether a hit counts.
 
@@ -188,7 +188,7 @@ def is_there(picture, world, face, p, from_camera):
     return instance_at(picture, x, y) == picture.shape_instance[shape]
 
 
-@njit(cache=True, forceinline=True, error_model="numpy")
+@lean(forceinline=True, error_model="numpy")
 def _meets_box(box, o, d):
     """Return whether a ray meets a box; the empty box, its low corner above its high one, is met by none."""
     near, far = 0.0, math.inf
@@ -204,7 +204,7 @@ def _meets_box(box, o, d):
     return near <= far
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def nearest(picture, world, buffer, s, o, d, from_camera):
     """Return (face, b1, b2, p, ng) of the nearest thing that is there; face -1 is none."""
     # Few rays pass the moving things; a test of their box is cheaper than Embree's call.
@@ -223,7 +223,7 @@ def nearest(picture, world, buffer, s, o, d, from_camera):
     return -1, 0.0, 0.0, o, d
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def faces_viewer(n, w):
     """Return n turned to the side of w."""
     return n if dot(n, w) >= 0.0 else (-n[0], -n[1], -n[2])

@@ -7,6 +7,8 @@ both; as Embree shortens the ray at each hit, the nearest of the two remains. Ge
 import numpy as np
 from numba import njit, types
 
+from materials.kernels.lean import lean
+
 _pointers = types.void(types.intp, types.intp, types.intp)
 rtcIntersect1 = types.ExternalFunction("rtcIntersect1", _pointers)
 rtcOccluded1 = types.ExternalFunction("rtcOccluded1", _pointers)
@@ -24,7 +26,7 @@ def ray_buffer():
     return buffer, start
 
 
-@njit(cache=True)
+@lean()
 def _load(buffer, words, s, ox, oy, oz, dx, dy, dz, far):
     buffer[s] = ox
     buffer[s + 1] = oy
@@ -40,7 +42,7 @@ def _load(buffer, words, s, ox, oy, oz, dx, dy, dz, far):
     words[s + 11] = np.uint32(0)
 
 
-@njit(cache=True)
+@lean()
 def intersect(static_scene, dynamic_scene, num_static_faces, buffer, s, ox, oy, oz, dx, dy, dz, far):
     """Return (face, distance, u, v) of the nearest hit; face is -1 for none, and counts dynamic faces after static."""
     words = buffer.view(np.uint32)
@@ -60,7 +62,7 @@ def intersect(static_scene, dynamic_scene, num_static_faces, buffer, s, ox, oy, 
     return face, np.float64(buffer[s + 8]), np.float64(buffer[s + 15]), np.float64(buffer[s + 16])
 
 
-@njit(cache=True)
+@lean()
 def hit_normal(buffer, s):
     """Return the geometric normal of the hit that `intersect` found last, of any length and on either side.
 
@@ -69,7 +71,7 @@ def hit_normal(buffer, s):
     return (np.float64(buffer[s + 12]), np.float64(buffer[s + 13]), np.float64(buffer[s + 14]))
 
 
-@njit(cache=True)
+@lean()
 def occluded(static_scene, dynamic_scene, buffer, s, ox, oy, oz, dx, dy, dz, far):
     """Return whether anything lies on the ray before distance `far`."""
     words = buffer.view(np.uint32)

@@ -5,23 +5,22 @@ Where a world has no tables (None), Numba compiles these to the formulas alone.
 
 import math
 
-from numba import njit
-
 from materials.kernels import bsdf, tabulated
 from materials.kernels.kinds import TABLE, TABLE_U, TABLE_V, TABULATED
+from materials.kernels.lean import lean
 
 from .first_surface import base_colour
 
 _UP, _SLANTING = (0.0, 0.0, 1.0), (math.sqrt(0.5), 0.0, math.sqrt(0.5))
 
 
-@njit(cache=True)
+@lean()
 def _place(surface):
     more = surface.more
     return int(more[TABLE]), more[TABLE_U], more[TABLE_V]
 
 
-@njit(cache=True)
+@lean()
 def evaluate(tables, surface, wo, wi):
     """Return the BSDF without the cosine, per channel; delta lobes count 0."""
     if tables is None:
@@ -32,7 +31,7 @@ def evaluate(tables, surface, wo, wi):
     return bsdf.evaluate(surface, wo, wi)
 
 
-@njit(cache=True)
+@lean()
 def pdf(tables, surface, wo, wi):
     """Return the density of `sample` per solid angle; delta lobes count 0."""
     if tables is None:
@@ -43,7 +42,7 @@ def pdf(tables, surface, wo, wi):
     return bsdf.pdf(surface, wo, wi)
 
 
-@njit(cache=True)
+@lean()
 def sample(tables, surface, wo, u0, u1, u2):
     """Return wi, the weight f |cos| / pdf per channel, the pdf, and whether the lobe is a delta."""
     if tables is None:
@@ -55,7 +54,7 @@ def sample(tables, surface, wo, u0, u1, u2):
     return bsdf.sample(surface, wo, u0, u1, u2)
 
 
-@njit(cache=True)
+@lean()
 def colour(tables, surface):
     """Return a colour that does not depend on the view: `base_colour`, of a measurement its reflectance factor 45/0.
 

@@ -3,8 +3,6 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
-
 from materials.kernels.frames import basis, dot, normalize
 from materials.kernels.kinds import (
     COATED,
@@ -17,6 +15,7 @@ from materials.kernels.kinds import (
     TABULATED,
     Surface,
 )
+from materials.kernels.lean import lean
 
 from .arrays import (
     ALBEDO,
@@ -58,17 +57,17 @@ class Hit(NamedTuple):
     ns: tuple
 
 
-@njit(cache=True)
+@lean()
 def _corner(array, i):
     return (float(array[i, 0]), float(array[i, 1]), float(array[i, 2]))
 
 
-@njit(cache=True)
+@lean()
 def _mix(a, b, c, wa, wb, wc):
     return (a[0] * wa + b[0] * wb + c[0] * wc, a[1] * wa + b[1] * wb + c[1] * wc, a[2] * wa + b[2] * wb + c[2] * wc)
 
 
-@njit(cache=True)
+@lean()
 def texture_coordinates(world, face, b1, b2):
     """Return (u, v) at barycentric coordinates of a face."""
     i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
@@ -78,7 +77,7 @@ def texture_coordinates(world, face, b1, b2):
     return u, v
 
 
-@njit(cache=True)
+@lean()
 def is_cut_out(world, face, b1, b2):
     """Return whether the opacity texture makes a hole here."""
     texture = world.material_textures[world.shape_material[world.face_shape[face]], OPACITY_TEXTURE]
@@ -88,7 +87,7 @@ def is_cut_out(world, face, b1, b2):
     return lookup(world.texels, world.texture_info, texture, u, v, 0) < 0.5
 
 
-@njit(cache=True)
+@lean()
 def face_normal(world, face):
     """Return the geometric normal of a face."""
     a = _corner(world.vertices, world.faces[face, 0])
@@ -97,7 +96,7 @@ def face_normal(world, face):
     return normalize(cross((b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2])))
 
 
-@njit(cache=True)
+@lean()
 def shading_normal(world, face, b1, b2):
     """Return the interpolated normal of a face."""
     i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
@@ -105,7 +104,7 @@ def shading_normal(world, face, b1, b2):
     return normalize(n)
 
 
-@njit(cache=True)
+@lean()
 def point_at(world, face, b1, b2):
     """Return the point on a face at barycentric coordinates, and the face's normal."""
     i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
@@ -113,7 +112,7 @@ def point_at(world, face, b1, b2):
     return p, face_normal(world, face)
 
 
-@njit(cache=True)
+@lean()
 def hit_at(world, face, b1, b2):
     """Return the hit on a face at barycentric coordinates; `ns` lies on the side of `ng`."""
     i, j, k = world.faces[face, 0], world.faces[face, 1], world.faces[face, 2]
@@ -136,7 +135,7 @@ def hit_at(world, face, b1, b2):
     return Hit(face, material, u, v, p, ng, ns)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def tangent(world, i, j, k, e1, e2, n):
     """Return dp/du of a face made perpendicular to n, at unit length; any tangent where the uv are degenerate."""
     du1, dv1 = world.uv[j, 0] - world.uv[i, 0], world.uv[j, 1] - world.uv[i, 1]
@@ -152,13 +151,13 @@ def tangent(world, i, j, k, e1, e2, n):
     return normalize(t)
 
 
-@njit(cache=True)
+@lean()
 def cross(a, b):
     """Return the vector product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@njit(cache=True)
+@lean()
 def _mapped_normal(world, texture, i, j, k, u, v, e1, e2, n):
     """Return the shading normal of a tangent-space normal map: x along dp/du, y along n x dp/du, z along n, as 2 c - 1."""
     t = tangent(world, i, j, k, e1, e2, n)
@@ -169,7 +168,7 @@ def _mapped_normal(world, texture, i, j, k, u, v, e1, e2, n):
     return normalize((x * t[0] + y * b[0] + z * n[0], x * t[1] + y * b[1] + z * n[1], x * t[2] + y * b[2] + z * n[2]))
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def _bumped_normal(world, texture, material, i, j, k, u, v, e1, e2, n):
     """Return the normal of a surface raised by a height map: n minus the height's gradient along the surface.
 
@@ -200,14 +199,14 @@ def _bumped_normal(world, texture, material, i, j, k, u, v, e1, e2, n):
     return normalize((x, y, z))
 
 
-@njit(cache=True)
+@lean()
 def has_relief(world, material):
     """Return whether a normal or bump map bends the shading normal."""
     textures = world.material_textures
     return textures[material, NORMAL_TEXTURE] >= 0 or textures[material, BUMP_TEXTURE] >= 0
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def valid_normal(n, ng, wo):
     """Return n bent towards ng until wo, mirrored about it, leaves the surface.
 
@@ -225,7 +224,7 @@ def valid_normal(n, ng, wo):
     return normalize((wo[0] + m[0], wo[1] + m[1], wo[2] + m[2]))
 
 
-@njit(cache=True)
+@lean()
 def hit_tangent(world, hit, n):
     """Return the direction of alpha_u on the surface of a hit: dp/du, turned by the material's tangent angle."""
     i, j, k = world.faces[hit.face, 0], world.faces[hit.face, 1], world.faces[hit.face, 2]
@@ -238,7 +237,7 @@ def hit_tangent(world, hit, n):
     return (c * t[0] + s * b[0], c * t[1] + s * b[1], c * t[2] + s * b[2])
 
 
-@njit(cache=True)
+@lean()
 def _value(world, material, column, slot, u, v):
     """Return a scalar parameter: its value, times its texture where it has one."""
     value = world.material_values[material, column]
@@ -248,7 +247,7 @@ def _value(world, material, column, slot, u, v):
     return value
 
 
-@njit(cache=True)
+@lean()
 def film_coverage(world, hit):
     """Return the share of the area below water at a hit."""
     if world.material_values[hit.material, FILM_COVERAGE] <= 0.0:
@@ -256,7 +255,7 @@ def film_coverage(world, hit):
     return _value(world, hit.material, FILM_COVERAGE, COVERAGE_TEXTURE, hit.u, hit.v)
 
 
-@njit(cache=True)
+@lean()
 def surface_at(world, hit, below_film):
     """Return the parameters of the surface at a hit, seen through the water film or bare."""
     m = hit.material
@@ -296,19 +295,19 @@ def surface_at(world, hit, below_film):
     return Surface(kind, r, g, b, row[SPECULAR_SCALE], row[ETA], alpha_u, alpha_v, 1.33, 0.0, 0.0, 0.0, 0.0, more)
 
 
-@njit(cache=True)
+@lean()
 def is_two_faced(kind):
     """Return whether the two sides of a surface differ (glass has an inside)."""
     return kind in (DIELECTRIC, ROUGH_DIELECTRIC)
 
 
-@njit(cache=True)
+@lean()
 def emits(kind):
     """Return whether a material emits."""
     return kind == EMISSION
 
 
-@njit(cache=True)
+@lean()
 def film_normal(world, hit):
     """Return the normal of the water's surface: upright for a puddle, the shading normal for a thin film."""
     if world.material_values[hit.material, FILM_LEVEL] > 0.5:
@@ -316,7 +315,7 @@ def film_normal(world, hit):
     return hit.ns
 
 
-@njit(cache=True)
+@lean()
 def leave(p, ng, w):
     """Return the start of a ray that leaves a surface along w, moved off it to its side of w.
 
@@ -329,7 +328,7 @@ def leave(p, ng, w):
     return (p[0] + ng[0] * step, p[1] + ng[1] * step, p[2] + ng[2] * step)
 
 
-@njit(cache=True, error_model="numpy")
+@lean(error_model="numpy")
 def power_heuristic(pdf, other):
     """Return the weight of a sample of density `pdf` that a second strategy draws with density `other` (Veach 1997)."""
     if math.isinf(pdf):

@@ -2,10 +2,10 @@
 
 import math
 
-from numba import njit
+from materials.kernels.lean import lean
 
 
-@njit(cache=True)
+@lean()
 def lookup(texels, info, texture, u, v, channel):
     """Return one channel of a texture; single-channel textures answer for any."""
     offset, width, height, channels = info[texture, 0], info[texture, 1], info[texture, 2], info[texture, 3]

@@ -1,13 +1,13 @@
 """What a ray meets first, and whether a light is seen, past the holes of cut-outs and the glowing spheres."""
 
-from numba import njit
+from materials.kernels.lean import lean
 
 from .emitters import FAR, nearest_sphere, spheres_block
 from .rays import intersect, occluded
 from .shading import is_cut_out, leave, point_at
 
 
-@njit(cache=True)
+@lean()
 def first_hit(world, buffer, s, o, d):
     """Return (face, b1, b2, distance) of the nearest surface, passing through cut-outs; face -1 is none, or a glowing sphere."""
     _, sphere = nearest_sphere(world.spheres, o, d)
@@ -29,7 +29,7 @@ def first_hit(world, buffer, s, o, d):
     return -1, 0.0, 0.0, sphere if sphere < FAR else 0.0
 
 
-@njit(cache=True)
+@lean()
 def is_visible(world, buffer, s, o, d, far):
     """Return whether nothing opaque lies on a ray before distance `far`."""
     if spheres_block(world.spheres, o, d, far):

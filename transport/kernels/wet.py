@@ -17,6 +17,7 @@ from numba import njit, prange
 from materials.kernels import phase
 from materials.kernels.frames import basis, dot, reflect, to_local, to_world
 from materials.kernels.fresnel import dielectric
+from materials.kernels.lean import lean
 from materials.kernels.microfacet import sample_visible, smith_lambda
 from materials.kernels.wetness import levels, wet_lobe
 
@@ -55,7 +56,7 @@ class WetGround(NamedTuple):
     mean_roughness: float
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def _grid_weights(ground, p):
     """Return (row0, row1, col0, col1, fraction along rows, along cols) of a world point on the grid, clamped to it."""
     rows, cols = ground.water.shape[0], ground.water.shape[1]
@@ -65,7 +66,7 @@ def _grid_weights(ground, p):
     return r0, min(r0 + 1, rows - 1), c0, min(c0 + 1, cols - 1), y - r0, x - c0
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def water_at(ground, p):
     """Return the water level at a world point, bilinear."""
     r0, r1, c0, c1, ay, ax = _grid_weights(ground, p)
@@ -74,7 +75,7 @@ def water_at(ground, p):
     return top * (1.0 - ay) + bottom * ay
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def _water_normal(ground, p):
     """Return the normal of the water's surface at a world point; the map varies over metres, the nearest cell will do."""
     r0, r1, c0, c1, ay, ax = _grid_weights(ground, p)
@@ -82,7 +83,7 @@ def _water_normal(ground, p):
     return (float(ground.water_normal[r, c, 0]), float(ground.water_normal[r, c, 1]), float(ground.water_normal[r, c, 2]))
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def lobe_at(ground, row, col, p, level):
     """Return (eta, roughness, normal) of the ground that a pixel shows, under a water level at p."""
     n = (float(ground.normal[row, col, 0]), float(ground.normal[row, col, 1]), float(ground.normal[row, col, 2]))
@@ -91,7 +92,7 @@ def lobe_at(ground, row, col, p, level):
     return wet_lobe(ground.eta, ground.roughness[row, col], n, water_n, ground.rho, w_sat, w_acc, ground.strength)
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def mirrored(eta, roughness, n, ng, wo, u0, u1):
     """Sample the specular lobe about n: return (direction, weight), weight 0 if the ray would enter the ground."""
     if dot(n, wo) < 0.01:
@@ -114,7 +115,7 @@ def mirrored(eta, roughness, n, ng, wo, u0, u1):
     return d, dielectric(dot(o, h), eta) * (1.0 + lo) / (1.0 + lo + li)
 
 
-@njit(cache=True)
+@lean()
 def wander(picture, world, medium, buffer, s, state, o, d):
     """Follow a ray from particle to particle; return what it meets at last (as `nearest`), its direction then, and its weight.
 
@@ -136,7 +137,7 @@ def wander(picture, world, medium, buffer, s, state, o, d):
     return -1, 0.0, 0.0, o, d, d, 0.0
 
 
-@njit(cache=True, forceinline=True)
+@lean(forceinline=True)
 def reflected_radiance(world, picture, diffuse, ground, medium, buffer, s, stream, index, p, d, ng, weight, bounces):
     """Return the radiance that comes back along a mirrored ray, times `weight`.
 
