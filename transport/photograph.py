@@ -25,7 +25,7 @@ from materials.foundation.command import add_common_flags, run_command
 from materials.foundation.errors import InputError
 from materials.foundation.files import make_folder, read_json, write_json
 from materials.foundation.progress import logger, stage
-from materials.foundation.settings import add_flags, as_dict, from_flags, read_toml, setting
+from materials.foundation.settings import add_flags, as_dict, from_flags, read_tables, setting
 from scene.images import Encoding, write_exr, write_image
 from scene.recording import Noise, Recording, read_recording
 from scene.street import Street, StreetSettings, street
@@ -197,11 +197,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    toml = read_toml(args.settings) if args.settings else {}
-    file = Path(args.settings) if args.settings else None
-    for name in toml:
-        if name not in ("street", "photograph"):
-            raise InputError("be a known table", file=file, key=name, remedy="Known here: street, photograph.")
+    toml, file = read_tables(args.settings, "street", "photograph")
     street_settings = from_flags(StreetSettings, args, toml.get("street"), file)
     settings = from_flags(PhotographSettings, args, toml.get("photograph"), file)
     try:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from materials.foundation.command import add_common_flags, run_command
 from materials.foundation.errors import InputError
-from materials.foundation.settings import add_flags, from_flags, read_toml
+from materials.foundation.settings import add_flags, from_flags, read_tables
 
 from .render_settings import RenderSettings, ViewSettings
 
@@ -33,11 +32,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _run(args: argparse.Namespace) -> None:
-    toml = read_toml(args.settings) if args.settings else {}
-    file = Path(args.settings) if args.settings else None
-    for name in toml:
-        if name not in ("render", "view"):
-            raise InputError("be a known table", file=file, key=name, remedy="Known here: render, view.")
+    toml, file = read_tables(args.settings, "render", "view")
     settings = from_flags(RenderSettings, args, toml.get("render"), file)
     view = from_flags(ViewSettings, args, toml.get("view"), file)
     if args.frames is not None and args.recording is None:

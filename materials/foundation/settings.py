@@ -146,6 +146,24 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise InputError("be TOML", got=error, file=path, remedy="Mend the file.") from error
 
 
+def read_tables(path: str | None, *names: str) -> tuple[dict[str, Any], Path | None]:
+    """Return the tables of a command's `--settings` and the file, for errors; ({}, None) where none was given.
+
+    Raises
+    ------
+    InputError
+        As `read_toml`, or if a table has none of these names.
+    """
+    if not path:
+        return {}, None
+    file = Path(path)
+    tables = read_toml(path)
+    for name in tables:
+        if name not in names:
+            raise InputError("be a known table", file=file, key=name, remedy=f"Known here: {', '.join(names)}.")
+    return tables, file
+
+
 def as_dict(settings: Any) -> dict[str, Any]:
     """Return plain values for saving beside the output."""
     return _plain(asdict(settings))

@@ -9,7 +9,16 @@ import pytest
 
 from materials.foundation.checks import check_range
 from materials.foundation.errors import InputError
-from materials.foundation.settings import add_flags, as_dict, check_settings, from_flags, from_mapping, read_toml, setting
+from materials.foundation.settings import (
+    add_flags,
+    as_dict,
+    check_settings,
+    from_flags,
+    from_mapping,
+    read_tables,
+    read_toml,
+    setting,
+)
 
 
 @dataclass(frozen=True)
@@ -130,3 +139,12 @@ def test_what_is_no_toml_is_refused(tmp_path, content, words):
         (tmp_path / "a.toml").write_bytes(content)
     with pytest.raises(InputError, match=words):
         read_toml(tmp_path / "a.toml")
+
+
+def test_a_table_that_a_command_does_not_know_is_refused_by_name(tmp_path):
+    file = tmp_path / "a.toml"
+    file.write_text("[render]\nsamples = 4\n[vew]\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"a\.toml: vew must be a known table\b.*Known here: render, view\."):
+        read_tables(str(file), "render", "view")
+    assert read_tables(str(file), "render", "vew") == ({"render": {"samples": 4}, "vew": {}}, file)
+    assert read_tables(None, "render") == ({}, None)
