@@ -21,6 +21,24 @@ RGB = tuple[float, float, float]
 Texture = NDArray[np.float32]
 
 
+# Models that simulation/1 has a name for.
+NamedModel = Literal[
+    "lambert",
+    "oren_nayar",
+    "ggx",
+    "cook_torrance",
+    "ward",
+    "phong",
+    "conductor",
+    "disney",
+    "coated",
+    "mirror",
+    "dielectric",
+    "rough_dielectric",
+    "emission",
+]
+
+
 @dataclass(frozen=True)
 class Film:
     """A layer of water on a material.
@@ -78,22 +96,7 @@ class Material:
     on `lambert`, `ggx` and `coated`. `free` names the parameters that were not known exactly: a diagnosis fits them first.
     """
 
-    model: Literal[
-        "lambert",
-        "oren_nayar",
-        "ggx",
-        "cook_torrance",
-        "ward",
-        "phong",
-        "conductor",
-        "disney",
-        "coated",
-        "mirror",
-        "dielectric",
-        "rough_dielectric",
-        "emission",
-        "measured",
-    ] = "lambert"
+    model: NamedModel | Literal["measured"] = "lambert"
     albedo: RGB = (0.5, 0.5, 0.5)
     albedo_texture: Texture | None = None
     eta: float = 1.5

@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 import msgspec
 
+from .simulation import NamedModel
+
 Three = tuple[float, float, float]
 
 
@@ -58,21 +60,7 @@ class PrincipledJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=T
 class MaterialJson(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """A material with the keys of all models; which belong to which is said in `simulation_materials.KEYS`."""
 
-    model: Literal[
-        "lambert",
-        "oren_nayar",
-        "ggx",
-        "cook_torrance",
-        "ward",
-        "phong",
-        "conductor",
-        "disney",
-        "coated",
-        "mirror",
-        "dielectric",
-        "rough_dielectric",
-        "emission",
-    ]
+    model: NamedModel
     albedo_texture: str | None = None
     albedo: Three | None = None
     albedo_scale: float | None = None
