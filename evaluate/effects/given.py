@@ -10,15 +10,13 @@ from materials.foundation.errors import InputError
 from scene.simulation import AddedEffect
 
 from ..mismatch.calibrate import weigh
-from ..mismatch.case import Case, with_believed
+from ..mismatch.case import Case, with_believed, with_noise_times
 from ..mismatch.effect import Effect, Parameter, Term, groups
 from ..mismatch.solve import context, fit
 from .defocus import Defocus
 from .interreflection import Interreflection
 from .saturation import Saturation
 from .sensor_response import PowerLaw
-
-_NOT_READ = ("noise_model",)
 
 
 def with_given(case: Case, effects: dict[str, Effect]) -> Case:
@@ -38,6 +36,7 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
     if simulation.medium is not None:
         remedy = "Leave it out: `participating_medium` finds it, with the light that it scatters."
         raise InputError("be null for a diagnosis", got="a medium", key="medium", remedy=remedy)
+    case, others = _with_given_noise(case, simulation.effects)
     wanted: list[tuple[Effect, str | None, dict[str, Any]]] = []
     if simulation.transport.max_bounces > 1:
         wanted.append((Interreflection(first=1), None, {"bounces": float(simulation.transport.max_bounces)}))
@@ -50,14 +49,26 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
     if sensor.saturation is not None:
         exposures = np.array([f.exposure for f in case.recording.frames])
         wanted.append((Saturation(), None, {"level": sensor.saturation / exposures.min()}))
-    for i, added in enumerate(simulation.effects):
-        if added.id not in _NOT_READ:
-            wanted.append(_named(case, effects, added, f"effects[{i}]"))
+    wanted += [_named(case, effects, added, f"effects[{i}]") for i, added in others]
     given: tuple[Term, ...] = ()
     for effect, target, values in wanted:
         case = with_believed(case, given)
         given = (*given, _term(case, effect, target, values))
     return with_believed(case, given) if given else case
+
+
+def _with_given_noise(case: Case, effects: tuple[AddedEffect, ...]) -> tuple[Case, list[tuple[int, AddedEffect]]]:
+    """Return the case with the noise that `noise_model` says, and the other effects, numbered."""
+    others = []
+    for i, added in enumerate(effects):
+        if added.id != "noise_model":
+            others.append((i, added))
+            continue
+        factor = added.parameters.get("sigma_factor")
+        if not isinstance(factor, int | float) or not 0 < factor < np.inf:
+            raise InputError("be a number above 0", got=factor, key=f"effects[{i}].parameters.sigma_factor")
+        case = with_noise_times(case, float(factor))
+    return case, others
 
 
 def _named(case: Case, effects: dict[str, Effect], added: AddedEffect, key: str) -> tuple[Effect, str | None, dict[str, Any]]:

@@ -190,6 +190,11 @@ def spread_frames(case: Case, most: int) -> NDArray[np.int64]:
     return np.array(sorted(chosen))
 
 
+def roughness(model: Model) -> float:
+    """Return how much of the amplitude of a model's effects may be left over without being an effect: they are approximations."""
+    return max((t.effect.approximation for t in model.effects), default=0.0)
+
+
 def _key(model: Model) -> frozenset:
     return frozenset(t.key for t in model.effects)
 
@@ -211,9 +216,7 @@ def _extend(
     """Return the models with one effect more that are better by enough."""
     case, weight = model.case, model.weight
     n_all = float((weight > 0).sum())
-    # What has been found is an approximation: a share of its amplitude may be left over without being an effect.
-    rough = max((t.effect.approximation for t in model.effects), default=0.0)
-    least = max(settings.least_gain, rough**2 * (start.total - model.total) / n_all)
+    least = max(settings.least_gain, roughness(model) ** 2 * (start.total - model.total) / n_all)
     if model.effects and model.excess + _SLACK < least:
         return []
     frames = spread_frames(case, settings.screen_frames)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from ..kernels import shade
@@ -88,18 +89,28 @@ def calibrate(case: Case) -> tuple[Fit, Floats]:
     return fit(case, weight, fitted.terms, 0), weight
 
 
-def white_level(case: Case, z: Floats) -> float:
+def white_level(case: Case, z: Floats, among: NDArray[np.bool_] | None = None) -> float:
     """Return the standard deviation of what is noise in a residual: unlike its neighbours, and unlike other frames.
 
-    Differences of neighbours along rows, columns and diagonals, and the median over pixels, let structure pass unseen;
-    what stands still on the sensor is taken off first.
+    Differences of neighbours along rows, columns and diagonals, and the median over pixels (of those in `among`, (F, H, W)),
+    let structure pass unseen; what stands still on the sensor is taken off first.
     """
     fixed = z.mean(axis=0, keepdims=True) if case.num_frames > 4 else 0.0
     r = (z - fixed) * (np.sqrt(case.num_frames / (case.num_frames - 1)) if case.num_frames > 4 else 1.0)
     # Corners of 2 x 2 pixels: blind to slopes and to whole rows and columns.
     d = (r[:, 1:, 1:] - r[:, :-1, 1:] - r[:, 1:, :-1] + r[:, :-1, :-1]) / 2
     v = case.valid & ~case.pieces.edge.reshape(case.valid.shape)
+    if among is not None:
+        v = v & among
     ok = v[:, 1:, 1:] & v[:, :-1, 1:] & v[:, 1:, :-1] & v[:, :-1, :-1]
     if ok.sum() < 100:
         return 1.0
     return float(1.4826 * np.median(np.abs(d[ok])))
+
+
+def quiet_level(case: Case, weight: Floats, picture: Floats) -> float:
+    """Return the level of white noise where a prediction is smooth: what is displaced or blurred there is not taken for noise."""
+    spread = (maximum_filter(picture, (0, 5, 5, 0)) - minimum_filter(picture, (0, 5, 5, 0))) * np.sqrt(weight)
+    spread = spread.max(axis=-1)
+    quiet = spread <= np.median(spread[case.valid])
+    return white_level(case, (case.pictures - picture) * np.sqrt(weight), quiet)

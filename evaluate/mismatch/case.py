@@ -404,6 +404,15 @@ def with_believed(case: Case, terms: tuple) -> Case:
     return out
 
 
+def with_noise_times(case: Case, factor: float) -> Case:
+    """Return the case with noise of `factor` times the standard deviation; what was gathered of it is kept."""
+    noise = replace(case.noise, read_sigma=case.noise.read_sigma * factor, shot_gain=case.noise.shot_gain * factor**2)
+    out = replace(case, noise=noise, variance=(case.variance * factor**2).astype(np.float32), cache={})
+    # Cached properties of a frozen class live in its dictionary.
+    out.__dict__.update({k: v for k, v in case.__dict__.items() if k in ("world", "pieces")})
+    return out
+
+
 def subset(case: Case, frames: NDArray[np.int64] | list[int]) -> Case:
     """Return the case with some of its frames only; what was gathered of them is kept."""
     frames = np.asarray(frames)

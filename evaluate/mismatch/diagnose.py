@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,15 @@ from scipy.stats import norm
 
 from ..effects.catalogue import catalogue
 from ..effects.given import with_given
-from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, search
-from .calibrate import calibrate, free_term, weigh
-from .case import Case, Floats
+from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, roughness, search
+from .calibrate import calibrate, free_term, quiet_level, weigh
+from .case import Case, Floats, with_noise_times
 from .decoys import DecoyResult, decoy_term, decoys_for
 from .effect import Effect, Term
 from .locate import Dependence, dependences, located
 from .prove import HeldOut, prove
 from .settle import needs_settling, prepared, settle
-from .solve import by_frame, context, covariance, fit, predict
+from .solve import Fit, by_frame, context, covariance, fit, predict
 
 Key = tuple[str, str | None]
 # (gain, sigmas) of each effect over a model without it.
@@ -107,8 +107,9 @@ def diagnose(
     settings = settings or SearchSettings()
     case = with_given(case, {e.id: e for e in (*catalogue(), *effects)})
     say(f"{case.num_frames} frames, {len(np.unique(case.pose))} views, {len(np.unique(case.lit))} lights")
-    fitted, weight = calibrate(case)
-    fitted = fit(case, weight, fitted.terms, 8)
+    stated = not case.noise_estimated and "noise_model" in {e.id for e in effects}
+    as_stated = case
+    case, fitted, weight, level = _calibrated(case, stated, say)
     first = assess(case, weight, fitted)
     z = (case.pictures - fitted.picture) * np.sqrt(weight)
     found = located(case, z, max(first.white, 1.0))
@@ -131,25 +132,46 @@ def diagnose(
         )
     if case.num_frames == 1:
         notes.append("One frame only: nothing could be held out, and what changes between frames cannot be seen.")
-    stated = not case.noise_estimated and "noise_model" in {e.id for e in effects}
-    noisy = stated and abs(best.white - 1) > _NOISE_SHARE and best.structure < 0.03 * best.white**2 + 0.01
+    noise_factor = level * best.white
+    noisy = stated and abs(noise_factor - 1) > _NOISE_SHARE and best.structure < 0.03 * best.white**2 + 0.01
     if noisy:
-        findings.append(_noise_finding(best))
-    clean = is_noise(best)
+        findings.append(_noise_finding(best, noise_factor))
+    # Another noise that the catalogue has no name for is left over all the same.
+    nameless = not (case.noise_estimated or stated) and "noise_model" not in case.untestable
+    clean = is_noise(best) and not (nameless and abs(noise_factor - 1) > _NOISE_SHARE)
     if findings:
         verdict = "explained" if clean else "partly_explained"
     else:
         verdict = "consistent" if clean else "unexplained"
     residual = (best.case.pictures - best.fit.picture) * np.sqrt(best.weight)
-    affected = _affected(case, best) if findings else (found if verdict == "unexplained" else np.zeros_like(found))
+    affected = _affected(as_stated, best) if findings else (found if verdict == "unexplained" else np.zeros_like(found))
     if noisy:
         # Noise is everywhere, though no noise-free pixel is changed by it.
-        notes.append(f"The noise is {best.white:.2f} times what the recording states.")
+        notes.append(f"The noise is {noise_factor:.2f} times what the recording states.")
     depends = [] if clean else dependences(best.case, residual, best.fit.picture, best.white)
     say("proving on held-out views and lights")
     proof = prove(case, base, best, seed)
+    # Noise that was found to be another is part of what is modelled; before, there was what is stated.
+    after = 1.0 if noisy else level**2
+    proof = replace(proof, chi2_before=proof.chi2_before * level**2, chi2_after=proof.chi2_after * after)
     tested = [e.id for e in effects]
-    return Diagnosis(case, seed, verdict, findings, base, best, trials, proof, found, affected, best.white, depends, tested, notes)
+    return Diagnosis(
+        case, seed, verdict, findings, base, best, trials, proof, found, affected, noise_factor, depends, tested, notes
+    )  # fmt: skip
+
+
+def _calibrated(case: Case, stated: bool, say: Callable[[str], None]) -> tuple[Case, Fit, Floats, float]:
+    """Return (case, fit of the free parameters, weight, noise over what is stated); the case has the noise that was found."""
+    fitted, weight = calibrate(case)
+    fitted = fit(case, weight, fitted.terms, 8)
+    level = quiet_level(case, weight, fitted.picture) if stated else 1.0
+    if abs(level - 1) < _NOISE_SHARE:
+        return case, fitted, weight, 1.0
+    # In noise that is too small, everything would seem to gain.
+    say(f"noise: {level:.3f} times what is stated, by which everything is judged from here on")
+    case = with_noise_times(case, level)
+    weight = weigh(case, fitted.picture)
+    return case, fit(case, weight, fitted.terms, 8), weight, level
 
 
 def polished(model: Model) -> Model:
@@ -163,19 +185,22 @@ def polished(model: Model) -> Model:
 
 def pruned(case: Case, base: Model, model: Model, settings: SearchSettings) -> tuple[Model, Losses]:
     """Take out again what is not needed; return the model, and (gain, sigmas) of each effect over a model without it."""
+    n = float((model.weight > 0).sum())
     while True:
-        losses = {}
+        losses, needless = {}, []
         for t in model.effects:
             others = [o for o in model.terms if o.key != t.key]
             if len(model.effects) == 1:
                 less = base
             elif t.effect.settles:
-                start = [o for o in others if o.key != t.key]
-                less = assess(case, base.weight, fit(case, base.weight, start, 8))
+                less = assess(case, base.weight, fit(case, base.weight, others, 8))
             else:
                 less = assess(model.case, model.weight, fit(model.case, model.weight, others, 8))
-            losses[t.key] = gain_of(case, model.weight, less, model)
-        needless = [k for k, (gain, sigmas) in losses.items() if gain < settings.least_gain or sigmas < settings.sigmas]
+            gain, sigmas = losses[t.key] = gain_of(case, model.weight, less, model)
+            # Whatever order they were found in: what an effect gains has to be more than the others are rough by.
+            least = max(settings.least_gain, roughness(less) ** 2 * (base.total - less.total) / n)
+            if gain < least or sigmas < settings.sigmas:
+                needless.append(t.key)
         if not needless or len(model.effects) < 2:
             return model, losses
         worst = min(needless, key=lambda k: losses[k][0])
@@ -237,13 +262,13 @@ def _finding(case: Case, model: Model, t: Term, gain: float, sigmas: float) -> F
     return Finding(e.id, e.title, e.says, t.target, parameters, gain, float(norm.sf(min(sigmas, 37.0))), [], e.decides)
 
 
-def _noise_finding(model: Model) -> Finding:
+def _noise_finding(model: Model, factor: float) -> Finding:
     n = max(int((model.weight > 0).sum()) // 4, 1)
-    s = model.white * np.sqrt(1.36 / n)  # a median of absolute values is worth 37 % of the values
+    s = factor * np.sqrt(1.36 / n)  # a median of absolute values is worth 37 % of the values
     return Finding(
         "noise_model", "another noise than stated", "the residual has no structure, but not the size that the noise model gives it",
-        None, {"sigma_factor": {"value": model.white, "unit": "1", "ci90": [model.white - 1.645 * s, model.white + 1.645 * s]}},
-        0.0, float(norm.sf(min(abs(model.white - 1) / s, 37.0))), [], "photograph one scene twice and take the difference",
+        None, {"sigma_factor": {"value": factor, "unit": "1", "ci90": [factor - 1.645 * s, factor + 1.645 * s]}},
+        0.0, float(norm.sf(min(abs(factor - 1) / s, 37.0))), [], "photograph one scene twice and take the difference",
     )  # fmt: skip
 
 

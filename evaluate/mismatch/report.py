@@ -162,7 +162,7 @@ def _trial(t) -> dict[str, str]:
 def _remains(d: Diagnosis) -> str:
     m = d.best
     if d.verdict in ("consistent", "explained"):
-        return f"Noise, at {m.white:.3f} of what is stated."
+        return f"Noise, at {d.noise_factor:.3f} of what is stated."
     return (
         f"Structure of {_number(m.structure)} times the variance of the noise; its largest tile is {m.worst:.1f} times "
         "what noise and the difference of two right renderers allow."
