@@ -71,8 +71,9 @@ class ParticipatingMedium(Effect):
         )  # fmt: skip
         air = np.array([values[f"airlight.{c}"] for c in "rgb"], np.float32)
         if len(case.lamps):
-            state.arriving = np.ones_like(state.visible)
-            veil.arriving(frame, p.position, case.slots, state.lamps, sigma_lamp, scale_height, base, state.arriving)
+            arriving = np.ones_like(state.visible)
+            veil.arriving(frame, p.position, case.slots, state.lamps, sigma_lamp, scale_height, base, arriving)
+            state.arriving = arriving if not len(state.arriving) else state.arriving * arriving
             state.add_ambient(open_sky(case)[:, None] * np.float32(values["fill"]) * air)
         if forward > 0:
             self._spread(case, state, through, forward / (1 - forward), float(values["turn"]))

@@ -104,6 +104,21 @@ def test_light_scattered_once_by_fog_is_what_the_path_tracer_finds(case):
     assert np.median(np.abs(clear[frame] - ours[frame])[inside]) > 5 * shadow
 
 
+def test_two_fogs_dim_as_one_of_both(case):
+    matte = recorded(case.recording.root, simulation(), {})
+    fog = next(e for e in catalogue() if e.id == "participating_medium")
+    values = {p.name: p.start for p in fog.parameters(matte, None)} | {"single_albedo": 0.0} | {f"airlight.{c}": 0.0 for c in "rgb"}
+
+    def foggy(*extinctions: float):
+        state = formation.believed(matte)
+        for sigma_t in extinctions:
+            fog.change(matte, state, values | {"sigma_t": sigma_t}, None, None)
+        return formation.radiance(matte, state)
+
+    np.testing.assert_allclose(foggy(0.2, 0.3), foggy(0.5), rtol=1e-4, atol=1e-6)
+    assert np.median(foggy(0.5) / np.maximum(foggy(), 1e-6)) < 0.9
+
+
 def test_a_picture_that_is_moved_never_turns_negative():
     rng = np.random.default_rng(5)
     picture = np.where(rng.uniform(size=(24, 32, 3)) < 0.5, 0, 1).astype(np.float32)
