@@ -18,6 +18,10 @@ from .formation import State, believed, develop, radiance
 
 # Two halves of a frame in tiles of so many pixels: what belongs to one frame alone is fitted on one and judged on the other.
 _TILE = 16
+# A parameter of which other blocks know less than this share belongs to its block alone.
+_OTHERS = 0.02
+# Curvatures are sums of products of single floats: directions with less than this share of the largest are rounding.
+_PARTED = 1e-6
 
 
 @dataclass
@@ -179,20 +183,31 @@ def held_out(case: Case, fitted: Fit) -> NDArray[np.float64]:
         return fitted.chi2.sum(axis=1)
     out = np.zeros(case.num_frames)
     every = np.ones((case.num_frames, 2))
+    whole, _ = unknowns.assemble(fitted.gradient.sum(axis=1), fitted.curvature.sum(axis=1))
     for block in np.unique(case.block):
         frames = np.flatnonzero(case.block == block)
-        for half in (0, 1) if unknowns.has_local else (None,):
+        rest, _ = unknowns.assemble(*(a.sum(axis=1) * _without(case, frames, a.ndim) for a in (fitted.gradient, fitted.curvature)))
+        # A lamp that is on in this block alone belongs to it as well.
+        own = unknowns.has_local or bool(np.any(np.diag(rest) < _OTHERS * np.diag(whole)))
+        for half in (0, 1) if own else (None,):
             use = every.copy()
             use[np.ix_(frames, np.array([0, 1] if half is None else [half]))] = 0
             H, g = unknowns.assemble(
                 np.einsum("fh,fhk->fk", use, fitted.gradient), np.einsum("fh,fhkl->fkl", use, fitted.curvature)
             )
-            step = np.linalg.lstsq(H + 1e-10 * np.eye(len(H)) * np.trace(H), g, rcond=1e-12)[0]
+            # In units in which all parameters count alike; what single floats cannot part stays where it is.
+            unit = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+            step = unit * np.linalg.lstsq(H * np.outer(unit, unit), g * unit, rcond=_PARTED)[0]
             for f in frames:
                 d = unknowns.of_frame(step, int(f))
                 for h in (0, 1) if half is None else (half,):
                     out[f] += fitted.chi2[f, h] - 2 * d @ fitted.gradient[f, h] + d @ fitted.curvature[f, h] @ d
     return out
+
+
+def _without(case: Case, frames: NDArray[np.int64], ndim: int) -> NDArray[np.float64]:
+    """Return 0 for some of the frames and 1 for the others, to be multiplied with sums over the halves of an array of `ndim`."""
+    return np.where(np.isin(np.arange(case.num_frames), frames), 0.0, 1.0).reshape(-1, *[1] * (ndim - 2))
 
 
 def covariance(case: Case, fitted: Fit, inflation: float = 1.0) -> dict[tuple[str, str | None, str], NDArray[np.float64]]:

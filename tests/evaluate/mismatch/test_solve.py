@@ -5,6 +5,7 @@ import pytest
 
 from evaluate.effects import catalogue
 from evaluate.mismatch.calibrate import calibrate, weigh, white_level
+from evaluate.mismatch.case import subset
 from evaluate.mismatch.effect import Term
 from evaluate.mismatch.solve import covariance, fit, held_out
 
@@ -44,6 +45,15 @@ def test_held_out_chi_square_is_that_of_fits_without_the_block(vignetted):
     # Both are the chi-square of about 9000 values; the quadratic form errs by less than one of them.
     assert abs(quick[block].sum() - slow) < 1.0
     assert quick.sum() >= fitted.total
+
+
+def test_a_lamp_of_one_frame_is_judged_on_half_of_it(tmp_path):
+    lamps = {f"log_factor.lamp{i}.{c}": 0.1 * (i - 1) for i in range(3) for c in "rgb"}
+    # The third lamp is on in the last of these frames alone.
+    case = subset(recorded(tmp_path, simulation(), {"light_colour": lamps}), [0, 1, 3, 4, 6, 7, 8])
+    fitted, _ = with_effect(case, "light_colour")
+    # Half a frame tells the three parameters well; what others know of them would cost thousands.
+    assert 0 <= held_out(case, fitted).sum() - fitted.total < 100
 
 
 def test_white_noise_is_told_from_structure(vignetted):
