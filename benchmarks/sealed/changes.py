@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from .photograph import Physics
+from .photograph import DEEP, Physics
 from .worlds import Floats, World
 
 # (picture (H, W, 3), frame) -> picture, before noise.
@@ -214,7 +214,9 @@ def subsurface(rng: np.random.Generator, t: Truth, s: float) -> Truth:
     translucent = {"object": {"sigma_t": 1 / path, "albedo": albedo, "g": 0.0}}
     world = t.world.with_body("object", texture=np.broadcast_to(body.texture.mean(axis=(0, 1)), body.texture.shape))
     physics = replace(t.physics, translucent=translucent)
-    return replace(t, world=world, physics=physics, samples=512).named("subsurface", "object", mean_free_path=path, albedo=albedo)
+    named = replace(t, world=world, physics=physics, samples=512).named("subsurface", "object", mean_free_path=path, albedo=albedo)
+    # Light has to be followed far to come out again, and is between the bodies too.
+    return named.named("interreflection", max_bounces=DEEP - 1)
 
 
 def _wet(rng: np.random.Generator, t: Truth, id: str, factor: float, /, **lobe: float) -> Truth:

@@ -18,6 +18,8 @@ from .worlds import Body, Floats, World
 Warp = Callable[[Floats, int], Floats]
 _MITSUBA_CAMERA = np.diag([-1.0, -1.0, 1.0, 1.0])  # x left, y up
 _FINE, _MARGIN = 4, 0.15
+# Longest paths through what scatters light inside.
+DEEP = 64
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ def _medium(mi: ModuleType, m: dict[str, Any]) -> dict[str, Any]:
 def _scene(mi: ModuleType, world: World, shapes: dict[str, Any], lit: tuple[str, ...], physics: Physics) -> Any:
     has_media = physics.medium is not None or physics.translucent
     deep = physics.translucent or (physics.medium is not None)
-    depth = 64 if deep else physics.max_bounces + 1
+    depth = DEEP if deep else physics.max_bounces + 1
     scene: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "volpath" if has_media else "path", "max_depth": depth, "rr_depth": 16},

@@ -14,6 +14,19 @@ from ..mismatch.effect import Context, Effect, Parameter, Values, shape_index, s
 from ..mismatch.formation import State, frame_of
 
 _SAMPLES = 1200
+# Of a single scattering, as it shows in how light leaves at which angle: from 0.9 to 1 that hardly changes.
+_ALBEDO = 0.9
+
+
+def without_surface(cosine_i: NDArray, cosine_o: NDArray) -> NDArray[np.float64]:
+    """Return by how much more a deep medium without a surface reflects than a matte surface of the same albedo.
+
+    Chandrasekhar (1960), with the function H of Hapke (1981), eqs 10 and 37.
+    """
+    gamma = np.sqrt(1 - _ALBEDO)
+    h_i, h_o = ((1 + 2 * c) / (1 + 2 * c * gamma) for c in (cosine_i, cosine_o))
+    reflected = (1 - gamma) / (1 + gamma) * (1 - gamma / (3 * (1 + gamma)))
+    return _ALBEDO / 4 * h_i * h_o / np.maximum(cosine_i + cosine_o, 0.02) / reflected
 
 
 class Subsurface(Effect):
@@ -31,12 +44,12 @@ class Subsurface(Effect):
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
         size = self._size(case, target)
-        colour = tuple(Parameter(f"factor.{c}", 1.0, 0.05, 20.0, 0.02) for c in "rgb")
-        return (
-            Parameter("diffusion_length", 0.1 * size, 0.005 * size, 2 * size, 0.01 * size, "m"),
-            Parameter("local_share", 0.2, 0.0, 1.0, 0.02),
-            *colour,
-        )
+        # A scale of the albedo that is free is that of green.
+        free = "albedo_scale" in case.material_of(shape_index(case, target)).free
+        near = tuple(Parameter(f"near.{c}", 1.0, 0.05, 20.0, 0.02) for c in ("rb" if free else "rgb"))
+        far = tuple(Parameter(f"far.{c}", 0.3, 0.0, 20.0, 0.02) for c in "rgb")
+        length = Parameter("diffusion_length", 0.1 * size, 0.005 * size, 2 * size, 0.01 * size, "m")
+        return (length, *near, *far, Parameter("grazing", 0.5, 0.0, 1.0, 0.02))
 
     def _size(self, case: Case, target: str | None) -> float:
         v = case.world.shapes[shape_index(case, target)].mesh.vertices
@@ -85,12 +98,26 @@ class Subsurface(Effect):
         irradiance = np.empty((len(own), 3))
         spread = self._spread(aux, float(values["diffusion_length"]))
         diffused.irradiance(spread, aux["near"], aux["weight"], slots, state.lamps, irradiance)
-        factor = np.array([values[f"factor.{c}"] for c in "rgb"])
-        share = values["local_share"]
+        near, far = (np.array([values.get(f"{part}.{c}", 1.0) for c in "rgb"]) for part in ("near", "far"))
+        # Ambient light is reflected by the near part's albedo.
         added = np.zeros((len(case.pieces), 3), np.float32)
-        added[own] = irradiance * factor * (1 - share) / (np.pi * max(share, 1e-3))
-        row[shade.SCALE : shade.SCALE + 3] *= max(share, 1e-3)
+        added[own] = irradiance * far / (np.pi * near)
+        row[shade.SCALE : shade.SCALE + 3] *= near
         state.add_ambient(added)
+        arriving = np.ones_like(state.visible)
+        arriving[own] = 1 + np.float32(values["grazing"]) * (self._angles(case, state, own, slots) - 1)
+        state.arriving = arriving if not len(state.arriving) else state.arriving * arriving
+
+    def _angles(self, case: Case, state: State, own: NDArray, slots: NDArray) -> NDArray[np.float32]:
+        """Return `without_surface` of the pieces' view and of each of their lamps (N, S)."""
+        p, out = case.pieces, np.ones(slots.shape, np.float32)
+        facing = np.clip((p.normal[own] * p.view[own]).sum(axis=1), 0, 1)
+        for s in range(slots.shape[1]):
+            lamp = state.lamps[slots[:, s]]
+            to = np.where(lamp[:, :1] == fragments.POINT, lamp[:, 1:4] - p.position[own], lamp[:, 1:4])
+            cosine = np.clip((to * p.normal[own]).sum(axis=1) / np.linalg.norm(to, axis=1), 0, 1)
+            out[:, s] = np.where(slots[:, s] >= 0, without_surface(cosine, facing), 1.0)
+        return out
 
     def _spread(self, aux: Any, length: float) -> NDArray[np.float32]:
         """Return what comes to each place from all others, per lamp; the last is kept, as most derivatives leave it as it is."""
