@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -33,6 +33,7 @@ Fitted = TypeVar("Fitted")
 _MAIN, _OFF, _ANY = (0.1, 0.5), (0.5, 0.95), (0.02, 1.0)
 _MAX_TILT = math.radians(45)
 _SEED_EVERY = 8
+_LEAST_SIGMA = 0.1
 _WARM_COST = 2.0
 """A texel that started from its neighbour and costs more than that many times as much also starts from scratch."""
 
@@ -56,8 +57,10 @@ class TexelFit:
     relative_variance : float
         Mean squared weighted residual over mean squared weighted value, same samples.
     covariance : (P, P) float64
-        Of the parameters in the order diffuse, specular, alpha (u, v per lobe), tangent angle; 0 for those held or at a
-        bound. Robust to unequal noise (White's sandwich).
+        Of the parameters in the order diffuse, specular, alpha (u, v per lobe), sigma (of an Oren-Nayar base only), tangent
+        angle; 0 for those held or at a bound. Robust to unequal noise (White's sandwich).
+    sigma : float
+        Spread of the slopes of an Oren-Nayar base [rad], whose facets have the albedo d; 0 is Lambert's.
     """
 
     diffuse: Floats
@@ -67,6 +70,7 @@ class TexelFit:
     cost: float
     relative_variance: float
     covariance: Floats
+    sigma: float = 0.0
 
     @property
     def normal(self) -> Floats:
@@ -196,8 +200,20 @@ def _minimise(
     settings: FitSettings,
     near: TexelFit | None = None,
 ) -> tuple[Floats, float]:
-    """Minimise from several widths, as the landscape over them has several valleys, or from a neighbour; keep the lowest."""
+    """Minimise from several widths, as the landscape over them has several valleys, or from a neighbour; keep the lowest.
+
+    A rough base also starts from the best smooth one, which it is never to fall behind.
+    """
     starts = [problem.start(w) for w in widths] if near is None else [_start_near(problem, near)]
+    if problem.rough_base and near is None:
+        low, high = (np.delete(end, -4) for end in bounds)
+        smooth, least = _minimise(replace(problem, rough_base=False), widths, (low, high), settings)
+        found = _descend(problem, [*starts, np.insert(smooth, -3, _LEAST_SIGMA)], bounds, settings)
+        return found if found[1] <= least else (np.insert(smooth, -3, 0.0), least)
+    return _descend(problem, starts, bounds, settings)
+
+
+def _descend(problem: Problem, starts: list[Floats], bounds: tuple[Floats, Floats], settings: FitSettings) -> tuple[Floats, float]:
     if settings.solver == "levenberg":
         return problem.minimise(starts, bounds)
     return min((problem.minimise_slsqp(s, bounds) for s in starts), key=lambda found: found[1])
@@ -206,7 +222,9 @@ def _minimise(
 def _start_near(problem: Problem, near: TexelFit) -> Floats:
     tangent = problem.base.T @ near.frame[:, 0]
     turn = 0.0 if problem.tied else math.atan2(tangent[1], tangent[0])
-    return np.concatenate([near.diffuse, near.specular.ravel(), near.alpha.ravel(), (0.0, 0.0, turn)])
+    # At exactly 0 sigma has no derivative.
+    sigma = (max(near.sigma, _LEAST_SIGMA),) if problem.rough_base else ()
+    return np.concatenate([near.diffuse, near.specular.ravel(), near.alpha.ravel(), sigma, (0.0, 0.0, turn)])
 
 
 def _best(
@@ -219,7 +237,8 @@ def _best(
     x, value = _minimise(problem, widths, bounds, settings, near)
     diffuse, specular, alpha, _ = problem.split(x)
     covariance, relative = problem.statistics(x, bounds)
-    return TexelFit(diffuse.copy(), specular.copy(), alpha.copy(), problem.frame(x), value, relative, covariance)
+    found = (diffuse.copy(), specular.copy(), alpha.copy(), problem.frame(x), value, relative, covariance)
+    return TexelFit(*found, problem.sigma(x))
 
 
 def _problem(
@@ -235,4 +254,6 @@ def _problem(
     f0 = ((settings.eta - 1) / (settings.eta + 1)) ** 2
     base = np.eye(3) if frame is None else frame
     wi, wo = (np.ascontiguousarray(w[keep], np.float64) for w in (flat.wi, flat.wo))
-    return Problem(wi, wo, value, KINDS[model], f0, base, lobes, settings.loss_scale, flat.isotropic)
+    # Eq. 5.3's lobe, which finds normals, keeps Lambert's base.
+    rough = settings.base == "oren_nayar" and model != "half_vector"
+    return Problem(wi, wo, value, KINDS[model], f0, base, lobes, settings.loss_scale, flat.isotropic, rough)

@@ -149,6 +149,8 @@ def save_textures(path: Path, material: SVBRDF) -> None:
     for k in range(material.lobes):
         shown.append((f"specular scale {k + 1}", _display(material.picture(material.specular[:, k])), None))
         shown.append((f"width {k + 1} (mean)", material.picture(material.alpha[:, k].mean(axis=-1), np.nan), "viridis"))
+    if material.sigma is not None:
+        shown.append(("sigma [rad]", material.picture(material.sigma, np.nan), "viridis"))
     normal = material.picture(material.normal)
     shown.append(("normal", np.where(material.mask[..., None], 0.5 + 0.5 * normal, 0), None))
     shown.append(("log10 cost", np.log10(np.maximum(material.picture(material.cost, np.nan), 1e-12)), "inferno"))

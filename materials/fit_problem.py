@@ -20,14 +20,16 @@ KINDS = {"phong": PHONG, "ward": WARD, "ct": COOK_TORRANCE, "ggx": GGX, "half_ve
 _MAX_EVALUATIONS = 400
 _ROUGH_SAMPLES = 1000
 _ROUGH, _FINE = 1e-5, 1e-6
+_SIGMA, _SIGMA_START = (0.0, math.pi / 2), 0.4
 
 
 @dataclass(frozen=True)
 class Problem:
     """Samples of one texel and the model that shall meet them.
 
-    The vector x holds diffuse (C), specular (L C), alpha (L 2), and three angles that turn the base frame: by the first about
-    its y, by the second about its x (the normal), by the third about its z (the tangent).
+    The vector x holds diffuse (C), specular (L C), alpha (L 2), of a rough base the spread sigma of its slopes, and three angles
+    that turn the base frame: by the first about its y, by the second about its x (the normal), by the third about its z (the
+    tangent).
     """
 
     wi: Floats
@@ -39,6 +41,8 @@ class Problem:
     lobes: int
     loss_scale: float
     isotropic: bool = False
+    rough_base: bool = False
+    """Whether the matte part is Oren and Nayar's, of fitted sigma; else Lambert's."""
 
     @property
     def channels(self) -> int:
@@ -48,7 +52,17 @@ class Problem:
     @property
     def size(self) -> int:
         """Number of parameters."""
-        return self.channels * (1 + self.lobes) + 2 * self.lobes + 3
+        return self.after_widths + self.rough_base + 3
+
+    @property
+    def first_width(self) -> int:
+        """Place of the first width in x."""
+        return self.channels * (1 + self.lobes)
+
+    @property
+    def after_widths(self) -> int:
+        """Place in x of what follows the widths: sigma, or the angles."""
+        return self.first_width + 2 * self.lobes
 
     @property
     def tied(self) -> bool:
@@ -58,10 +72,14 @@ class Problem:
     def split(self, x: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Return diffuse (C,), specular (L, C), alpha (L, 2) and the angles (3,); a tied width counts both ways."""
         c, lobes = self.channels, self.lobes
-        alpha = x[c * (1 + lobes) : -3].reshape(lobes, 2)
+        alpha = x[self.first_width : self.after_widths].reshape(lobes, 2)
         if self.tied:
             alpha = np.repeat(alpha[:, :1], 2, axis=1)
-        return x[:c], x[c : c * (1 + lobes)].reshape(lobes, c), alpha, x[-3:]
+        return x[:c], x[c : self.first_width].reshape(lobes, c), alpha, x[-3:]
+
+    def sigma(self, x: Floats) -> float:
+        """Return the spread of the base's slopes [rad]; 0 is Lambert's."""
+        return float(x[-4]) if self.rough_base else 0.0
 
     def frame(self, x: Floats) -> Floats:
         """Return the frame (3, 3): columns tangent, bitangent, normal."""
@@ -72,13 +90,15 @@ class Problem:
         diffuse, specular, alpha, angles = self.split(x)
         frame, by_angle = solver.turned(self.base, *angles)
         gd, gs, ga, gf = np.empty(self.channels), np.empty(specular.shape), np.empty((self.lobes, 2)), np.empty((3, 3))
-        arrays = (diffuse, specular, np.ascontiguousarray(alpha), self.loss_scale, gd, gs, ga, gf)
+        by_sigma = np.empty(1)
+        given = (diffuse, specular, np.ascontiguousarray(alpha), self.sigma(x), self.loss_scale)
+        arrays = (*given, gd, gs, ga, by_sigma, gf)
         value = kernel.cost(self.wi, self.wo, self.value, self.kind, self.f0, frame, *arrays)
         if gradient.size:
             if self.tied:
                 ga = np.stack([ga.sum(axis=1), np.zeros(self.lobes)], axis=1)
             angle = [float(np.sum(gf * d)) for d in by_angle]
-            gradient[:] = np.concatenate([gd, gs.ravel(), ga.ravel(), angle])
+            gradient[:] = np.concatenate([gd, gs.ravel(), ga.ravel(), by_sigma if self.rough_base else (), angle])
         return float(value)
 
     def bounds(
@@ -90,17 +110,24 @@ class Problem:
         if diffuse is not None:
             low[:c], high[:c] = diffuse
         for k, (a, b) in enumerate(alphas):
-            at = c * (1 + self.lobes) + 2 * k
+            at = self.first_width + 2 * k
             low[at : at + 2], high[at : at + 2] = a, b
+        if self.rough_base:
+            low[-4], high[-4] = _SIGMA
         # A quarter turn either way: the lobe is symmetric under half a turn, so all tangents are reached.
         turn = 0.0 if self.tied else math.pi / 2
         low[-3:], high[-3:] = (-tilt, -tilt, -turn), (tilt, tilt, turn)
         return low, high
 
     def start(self, alphas: Sequence[float]) -> Floats:
-        """Return where to begin: round lobes of these widths, albedo and scales by least squares, the best tangent."""
+        """Return where to begin: round lobes of these widths, albedo and scales by least squares, the best tangent.
+
+        Of sigma one start will do: albedo x A and albedo x B enter f linearly, and B / A rises with sigma throughout.
+        """
         x = np.zeros(self.size)
-        x[self.channels * (1 + self.lobes) : -3] = np.repeat(alphas, 2)
+        x[self.first_width : self.after_widths] = np.repeat(alphas, 2)
+        if self.rough_base:
+            x[-4] = _SIGMA_START
         solver.start_linear(*self._given, x, self.lobes, self.loss_scale, self.stride)
         if not self.tied:
             solver.start_tangent(*self._given, x, self.lobes, self.loss_scale, self.stride)
@@ -133,7 +160,7 @@ class Problem:
         # Reflectances and widths to one size, so that one step length fits all; a unit cost lets one tolerance serve.
         level = max(float(np.mean(self.value)) * math.pi, 1e-9)
         scale = np.ones(self.size)
-        scale[: self.channels * (1 + self.lobes)] = level
+        scale[: self.first_width] = level
         unit = max(self.cost(x, np.empty(0)), 1e-300)
         best = [x, unit]
 
@@ -163,7 +190,7 @@ class Problem:
         diffuse, specular, alpha, _ = self.split(x)
         hessian, gradient, meat = np.empty((self.size, self.size)), np.empty(self.size), np.empty((self.size, self.size))
         solver.normal_equations(*self._given, x, self.lobes, self.loss_scale, 1, hessian, gradient, meat)
-        arrays = (self.frame(x), diffuse, specular, np.ascontiguousarray(alpha))
+        arrays = (self.frame(x), diffuse, specular, np.ascontiguousarray(alpha), self.sigma(x))
         residual, level = kernel.misfit(self.wi, self.wo, self.value, self.kind, self.f0, *arrays)
         low, high = bounds
         edge = 1e-6 * (1 + np.abs(x))
@@ -197,6 +224,6 @@ class Problem:
             quarters = round(x[-1] / (math.pi / 2))
             x[-1] -= quarters * math.pi / 2
             if quarters % 2:
-                first = self.channels * (1 + self.lobes)
-                x[first:-3] = x[first:-3].reshape(-1, 2)[:, ::-1].ravel()
+                widths = slice(self.first_width, self.after_widths)
+                x[widths] = x[widths].reshape(-1, 2)[:, ::-1].ravel()
         return x

@@ -54,7 +54,8 @@ def fit_report(source: Source, result: FitResult, settings: FitSettings, folder:
         tables.append(Table("normals", "Mean angle to the measured normals", ("estimate", "deg"), rows))
     words = [
         f"{source.name} ({source.kind}): {source.num_texels} texels, model {settings.model}, {settings.lobes} "
-        f"lobe{'s' if settings.lobes > 1 else ''}, {'two steps within bounds' if settings.constrained else 'free'}"
+        f"lobe{'s' if settings.lobes > 1 else ''} over {'Lambert' if settings.base == 'lambert' else 'Oren and Nayar'}, "
+        f"{'two steps within bounds' if settings.constrained else 'free'}"
         f"{', normals estimated' if settings.normals or source.photographs else ''}.",
         *source.notes,
     ]
@@ -139,6 +140,9 @@ def _parameters(result: FitResult) -> Table:
     for k in range(material.lobes):
         names += [f"alpha {k + 1} u", f"alpha {k + 1} v"]
         columns.append(material.alpha[good, k])
+    if material.sigma is not None:
+        names.append("sigma [rad]")
+        columns.append(material.sigma[good, None])
     values, sigma = np.concatenate(columns, axis=1), result.sigma[good]
     rows: list[list[Cell]] = []
     for p, name in enumerate(names):

@@ -21,7 +21,7 @@ from .svbrdf import SVBRDF, from_fits
 
 Floats = NDArray[np.float64]
 _BLOCK_BYTES = 64e6
-_VERSION = 1
+_VERSION = 2
 """Raised when a change of the code makes earlier blocks worthless."""
 
 
@@ -33,7 +33,7 @@ class FitResult:
     ----------
     material : SVBRDF
     sigma : (T, P) float64
-        Standard deviations of diffuse, specular, alpha and tangent angle (order of `TexelFit.covariance`); 0 where held.
+        Standard deviations of diffuse, specular, alpha, sigma and tangent angle (order of `TexelFit.covariance`); 0 where held.
     failed : int
         Texels without enough valid samples.
     normal_error_deg : dict of str to float
@@ -89,8 +89,8 @@ def run_fit(source: Source, settings: FitSettings, work: Path | None = None, inp
     for t, fit in enumerate(fits):
         if fit is not None:
             sigma[t] = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
-    unit = probe.unit
-    material = from_fits(fits, settings.model, settings.eta, settings.lobes, source.mask, unit, source.name)
+    given = (settings.model, settings.eta, settings.lobes, source.mask, probe.unit, source.name, settings.base)
+    material = from_fits(fits, *given)
     return FitResult(material, sigma, failed, errors)
 
 
@@ -157,7 +157,8 @@ class _Kept:
         for t, fitted in enumerate(arrays["fitted"]):
             diffuse, specular, alpha, frame = (arrays[key][t] for key in ("diffuse", "specular", "alpha", "frame"))
             cost, relative = float(arrays["cost"][t]), float(arrays["relative"][t])
-            fit = TexelFit(diffuse, specular, alpha, frame, cost, relative, arrays["covariance"][t])
+            spread = float(arrays["sigma"][t])
+            fit = TexelFit(diffuse, specular, alpha, frame, cost, relative, arrays["covariance"][t], spread)
             out.append(fit if fitted else None)
         return out
 
@@ -170,6 +171,7 @@ class _Kept:
             key: np.stack([getattr(fit, key) for fit in full]) for key in ("diffuse", "specular", "alpha", "frame", "covariance")
         }
         arrays |= {"cost": np.array([f.cost for f in full]), "relative": np.array([f.relative_variance for f in full])}
+        arrays["sigma"] = np.array([f.sigma for f in full])
         arrays["fitted"] = np.array([fit is not None for fit in fits])
         with replacing(self.folder / f"{name}.npz") as temporary:
             np.savez(temporary, **arrays)  # type: ignore[arg-type]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
+from .foundation.errors import InputError
 from .foundation.settings import check_settings, setting
 
 
@@ -12,6 +13,9 @@ class FitSettings:
     """How a BRDF is fitted."""
 
     model: str = setting("ct", "BRDF: ct (Cook-Torrance), ward, phong, ggx", choices=("ct", "ward", "phong", "ggx"))
+    base: str = setting(
+        "lambert", "matte part: lambert, or oren_nayar (its spread of slopes fitted)", choices=("lambert", "oren_nayar")
+    )
     normals: bool = setting(False, "estimate a normal per texel first (eq. 5.3)")
     constrained: bool = setting(True, "the two-step fit with bounds of 5.3.4; else all angles at once, free")
     lobes: int = setting(2, "specular lobes of the last step", within="[1, 2]")
@@ -29,3 +33,7 @@ class FitSettings:
 
     def __post_init__(self) -> None:
         check_settings(self)
+        for item in fields(self):
+            allowed = item.metadata.get("choices")
+            if allowed and getattr(self, item.name) not in allowed:
+                raise InputError(f"be one of {', '.join(allowed)}", got=repr(getattr(self, item.name)), key=item.name)

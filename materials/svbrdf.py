@@ -52,6 +52,8 @@ class SVBRDF:
         `1/sr`, or `relative`: known up to one factor.
     name : str
         Of what was measured.
+    sigma : (T,) float64, optional
+        Spread of the slopes of an Oren-Nayar base [rad]; None is a Lambert base.
     """
 
     model: str
@@ -65,6 +67,17 @@ class SVBRDF:
     relative_variance: Floats
     unit: str = "1/sr"
     name: str = ""
+    sigma: Floats | None = None
+
+    @property
+    def base(self) -> Literal["lambert", "oren_nayar"]:
+        """Model of the matte part."""
+        return "lambert" if self.sigma is None else "oren_nayar"
+
+    @property
+    def spread(self) -> Floats:
+        """Spreads of the base's slopes (T,) [rad]; 0 throughout for Lambert."""
+        return np.zeros(len(self.diffuse)) if self.sigma is None else self.sigma
 
     @property
     def lobes(self) -> int:
@@ -92,8 +105,9 @@ class SVBRDF:
         check_unit("wi", i)
         check_unit("wo", o)
         f0 = ((self.eta - 1) / (self.eta + 1)) ** 2
-        diffuse, specular, alpha = (np.ascontiguousarray(a[texels]) for a in (self.diffuse, self.specular, self.alpha))
-        return kernel.reflect(KINDS[self.model], f0, diffuse, specular, alpha, frame, i, o)
+        parts = (self.diffuse, self.specular, self.alpha, self.spread)
+        diffuse, specular, alpha, sigma = (np.ascontiguousarray(a[texels]) for a in parts)
+        return kernel.reflect(KINDS[self.model], f0, diffuse, specular, alpha, sigma, frame, i, o)
 
     def picture(self, values: NDArray, empty: float = 0.0) -> NDArray[np.float32]:
         """Return values (T, ...) as a picture (H, W, ...)."""
@@ -103,17 +117,25 @@ class SVBRDF:
 
 
 def from_fits(
-    fits: Sequence[TexelFit | None], model: str, eta: float, lobes: int, mask: NDArray[np.bool_], unit: str, name: str
+    fits: Sequence[TexelFit | None],
+    model: str,
+    eta: float,
+    lobes: int,
+    mask: NDArray[np.bool_],
+    unit: str,
+    name: str,
+    base: str = "lambert",
 ) -> SVBRDF:
     """Return fitted texels as textures; None is a texel whose fit failed."""
     num = len(fits)
     diffuse, specular, alpha = np.zeros((num, 3)), np.zeros((num, lobes, 3)), np.full((num, lobes, 2), 0.5)
     frame, cost, relative = np.tile(np.eye(3), (num, 1, 1)), np.full(num, np.nan), np.full(num, np.nan)
+    sigma = None if base == "lambert" else np.array([0.0 if fit is None else fit.sigma for fit in fits])
     for t, fit in enumerate(fits):
         if fit is not None:
             diffuse[t], specular[t], alpha[t], frame[t] = fit.diffuse, fit.specular, fit.alpha, fit.frame
             cost[t], relative[t] = fit.cost, fit.relative_variance
-    return SVBRDF(model, eta, mask, diffuse, specular, alpha, frame, cost, relative, unit, name)
+    return SVBRDF(model, eta, mask, diffuse, specular, alpha, frame, cost, relative, unit, name, sigma)
 
 
 class MaterialJson(msgspec.Struct, forbid_unknown_fields=True):
@@ -128,6 +150,7 @@ class MaterialJson(msgspec.Struct, forbid_unknown_fields=True):
     unit: Literal["1/sr", "relative"]
     textures: dict[str, str]
     name: str = ""
+    base: Literal["lambert", "oren_nayar"] = "lambert"
     fit: dict[str, object] = {}
 
 
@@ -148,6 +171,9 @@ def write_svbrdf(folder: str | Path, material: SVBRDF, fit: dict[str, object] | 
         textures |= {f"specular_{k}": f"specular_{k}.exr", f"alpha_{k}": f"alpha_{k}.exr"}
         _write_exr(folder / f"specular_{k}.exr", "RGB", material.picture(material.specular[:, k]))
         _write_exr(folder / f"alpha_{k}.exr", ("U", "V"), material.picture(material.alpha[:, k], 0.5))
+    if material.sigma is not None:
+        textures["sigma"] = "sigma.exr"
+        _write_exr(folder / "sigma.exr", "Y", material.picture(material.sigma[:, None]))
     normal = material.picture(material.normal)
     _write_exr(folder / "normal.exr", "XYZ", normal)
     _write_exr(folder / "tangent.exr", "XYZ", material.picture(material.frame[:, :, 0]))
@@ -157,7 +183,14 @@ def write_svbrdf(folder: str | Path, material: SVBRDF, fit: dict[str, object] | 
     write_raw(folder / "normal.png", normal_picture(normal))
     height, width = material.mask.shape
     head: dict[str, object] = {"format": "material/1", "name": material.name, "model": material.model, "eta": material.eta}
-    head |= {"lobes": material.lobes, "width": width, "height": height, "unit": material.unit, "textures": textures}
+    head |= {
+        "base": material.base,
+        "lobes": material.lobes,
+        "width": width,
+        "height": height,
+        "unit": material.unit,
+        "textures": textures,
+    }
     write_json(folder / "material.json", {**head, "fit": fit or {}})
 
 
@@ -184,7 +217,12 @@ def read_svbrdf(path: str | Path) -> SVBRDF:
     normal, tangent = (_read_exr(path, head, key, "XYZ")[mask] for key in ("normal", "tangent"))
     frame = np.stack([tangent, np.cross(normal, tangent), normal], axis=-1)
     cost, relative = quality[mask][:, 0], quality[mask][:, 1]
-    return SVBRDF(head.model, head.eta, mask, diffuse, specular, alpha, frame, cost, relative, head.unit, head.name)
+    sigma = None
+    if head.base == "oren_nayar":
+        sigma = _read_exr(path, head, "sigma", "Y")[mask][:, 0]
+        if not ((sigma >= 0) & (sigma <= np.pi / 2)).all():
+            raise InputError("lie in [0, pi / 2] rad", got=float(sigma.max()), file=path.parent / head.textures["sigma"])
+    return SVBRDF(head.model, head.eta, mask, diffuse, specular, alpha, frame, cost, relative, head.unit, head.name, sigma)
 
 
 def normal_picture(normal: NDArray) -> NDArray[np.uint16]:

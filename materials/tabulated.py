@@ -160,6 +160,7 @@ def _texel_values(m: SVBRDF) -> Floats:
     out[:, k.ALPHA : k.ALPHA + 4] = 1.0
     out[:, k.DIFFUSE : k.DIFFUSE + 3], out[:, k.FIRST : k.FIRST + 3] = m.diffuse, m.specular[:, 0]
     out[:, k.ALPHA : k.ALPHA + 2] = m.alpha[:, 0]
+    out[:, k.SIGMA] = m.spread
     if m.lobes > 1:
         out[:, k.SECOND : k.SECOND + 3], out[:, k.SECOND_ALPHA : k.SECOND_ALPHA + 2] = m.specular[:, 1], m.alpha[:, 1]
     out[:, k.FRAME :] = m.frame.transpose(0, 2, 1).reshape(-1, 9)

@@ -37,24 +37,34 @@ class AsGGX:
     relative_variance: float
 
 
-def as_ggx(material: SVBRDF, lobes: int) -> AsGGX:
+def as_ggx(material: SVBRDF, lobes: int, base: str = "lambert") -> AsGGX:
     """Return the GGX material of one or two lobes that reflects most alike, texel by texel.
 
     Least squares over 24 x 24 directions up to 75 degrees, about the normals of the original.
+
+    Parameters
+    ----------
+    material : SVBRDF
+    lobes : int
+        How many the other program knows at most.
+    base : str
+        The most general matte part that it knows: `lambert` or `oren_nayar`. A Lambert base stays one.
     """
     scale = 1.0
     if material.unit == "relative":
         brightest = float(np.quantile(material.diffuse.max(axis=1), 0.999))
         scale = 1 / brightest if brightest > 0 else 1.0
     scaled = replace(material, diffuse=scale * material.diffuse, specular=scale * material.specular)
-    if material.model == "ggx" and material.lobes <= lobes:
+    base = "lambert" if material.base == "lambert" else base
+    if material.model == "ggx" and material.lobes <= lobes and material.base == base:
         return AsGGX(scaled, scale, 0.0)
     dome = even_directions(_DIRECTIONS, _RIM_DEG)
     wi, wo = pairs(dome, dome)
     upright = replace(scaled, frame=np.tile(np.eye(3), (len(scaled.cost), 1, 1)))
     num = len(scaled.cost)
-    settings = FitSettings(model="ggx", constrained=False, lobes=lobes, eta=material.eta, free_angle_deg=_RIM_DEG + 1)
+    settings = FitSettings(model="ggx", base=base, constrained=False, lobes=lobes, eta=material.eta, free_angle_deg=_RIM_DEG + 1)
     diffuse, specular = scaled.diffuse.copy(), np.zeros((num, lobes, 3))
+    sigma = None if base == "lambert" else np.zeros(num)
     alpha, frame, variance = np.full((num, lobes, 2), 0.5), scaled.frame.copy(), np.zeros(num)
     for first in tracked(range(0, num, _BATCH), "turning lobes into GGX"):
         texels = np.arange(first, min(first + _BATCH, num))
@@ -66,5 +76,7 @@ def as_ggx(material: SVBRDF, lobes: int) -> AsGGX:
                 diffuse[t], specular[t], alpha[t] = fit.diffuse, fit.specular[order], fit.alpha[order]
                 frame[t] = scaled.frame[t] @ fit.frame
                 variance[t] = fit.relative_variance
-    out = replace(scaled, model="ggx", diffuse=diffuse, specular=specular, alpha=alpha, frame=frame)
+                if sigma is not None:
+                    sigma[t] = fit.sigma
+    out = replace(scaled, model="ggx", diffuse=diffuse, specular=specular, alpha=alpha, frame=frame, sigma=sigma)
     return AsGGX(out, scale, float(variance.mean()))

@@ -32,7 +32,7 @@ def write_gltf(path: str | Path, material: SVBRDF) -> dict[str, float]:
     ----------
     path : path
     material : SVBRDF
-        Other models than GGX are turned into it first (`as_ggx`).
+        Other models than GGX, and an Oren-Nayar base, are turned into GGX on Lambert first (`as_ggx`).
 
     Returns
     -------

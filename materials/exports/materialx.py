@@ -1,4 +1,4 @@
-"""MaterialX: Lambert plus one GGX lobe or two, in nodes of its physically based library that say exactly that.
+"""MaterialX: a Lambert or Oren-Nayar base plus one GGX lobe or two, in nodes of its physically based library that say exactly that.
 
 References
 ----------
@@ -34,10 +34,11 @@ def write_materialx(path: str | Path, material: SVBRDF) -> dict[str, float]:
 
     Notes
     -----
+    The base's node is the qualitative model of Oren and Nayar with our sigma as its `roughness`: 0, its default, is Lambert.
     F0 and F90 of a lobe are our F0 and 1 times its scale, so that Schlick's Fresnel is ours; widths are GGX's alpha.
     """
     path = Path(path)
-    found = as_ggx(material, material.lobes)
+    found = as_ggx(material, material.lobes, "oren_nayar")
     ggx = found.material
     folder = make_folder(path.with_suffix(""))
     f0 = ((ggx.eta - 1) / (ggx.eta + 1)) ** 2
@@ -48,20 +49,25 @@ def write_materialx(path: str | Path, material: SVBRDF) -> dict[str, float]:
         "normal": (0.5 + 0.5 * ggx.normal, "vector3"),
         "tangent": (0.5 + 0.5 * ggx.frame[:, :, 0], "vector3"),
     }
+    if ggx.sigma is not None:
+        textures["sigma"] = (ggx.sigma[:, None], "float")
     for k in range(ggx.lobes):
         textures[f"f0_{k}"] = (f0 * ggx.specular[:, k], "color3")
         textures[f"f90_{k}"] = (ggx.specular[:, k], "color3")
         textures[f"alpha_{k}"] = (ggx.alpha[:, k], "vector2")
     for name, (values, kind) in textures.items():
-        names = "RGB"[: values.shape[1]]
-        picture = ggx.picture(values, 0.5 if kind != "color3" else 0.0).astype(np.float32)
+        names = "RGB"[: values.shape[1]] if kind != "float" else "Y"
+        picture = ggx.picture(values, 0.5 if kind.startswith("vector") else 0.0).astype(np.float32)
         write_exr(folder / f"{name}.exr", {c: picture[..., i] for i, c in enumerate(names)})
         node = ElementTree.SubElement(graph, "image", name=name, type=kind)
         ElementTree.SubElement(node, "input", name="file", type="filename", value=f"{folder.name}/{name}.exr")
     for name in ("normal", "tangent"):
         _node(graph, "normalmap", f"{name}_world", "vector3", {"in": ("vector3", name)})
     shared = {"normal": ("vector3", "normal_world")}
-    _node(graph, "oren_nayar_diffuse_bsdf", "matte", "BSDF", {"color": ("color3", "diffuse"), **shared})
+    matte = {"color": ("color3", "diffuse"), **shared}
+    if ggx.sigma is not None:
+        matte["roughness"] = ("float", "sigma")
+    _node(graph, "oren_nayar_diffuse_bsdf", "matte", "BSDF", matte)
     sum_ = "matte"
     for k in range(ggx.lobes):
         told = {"color0": ("color3", f"f0_{k}"), "color90": ("color3", f"f90_{k}"), "roughness": ("vector2", f"alpha_{k}")}

@@ -28,7 +28,7 @@ def write_mitsuba(path: str | Path, material: SVBRDF) -> dict[str, float]:
     ----------
     path : path
     material : SVBRDF
-        Two lobes, and other models than GGX, are turned into one GGX lobe first (`as_ggx`).
+        Two lobes, other models than GGX, and an Oren-Nayar base are turned into one GGX lobe on Lambert first (`as_ggx`).
 
     Returns
     -------

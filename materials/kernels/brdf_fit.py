@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 
 from .lobe_gradients import lobe
+from .matte_gradients import matte
 
 _INV_PI = 1.0 / math.pi
 
@@ -21,17 +22,36 @@ def _local(frame, w):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def cost(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, loss_scale, by_diffuse, by_specular, by_alpha, by_frame):
+def cost(
+    wi,
+    wo,
+    value,
+    kind,
+    f0,
+    frame,
+    diffuse,
+    specular,
+    alpha,
+    sigma,
+    loss_scale,
+    by_diffuse,
+    by_specular,
+    by_alpha,
+    by_sigma,
+    by_frame,
+):
     """Return the mean over samples and channels of log(1 + s / 4); fill its derivatives.
 
     s is the squared residual, times cos theta_i cos theta_o on the coarse normal and over loss_scale. value (N, C),
-    diffuse (C,), specular (L, C), alpha (L, 2); by_frame (3, 3) is the derivative by the matrix's elements.
+    diffuse (C,), specular (L, C), alpha (L, 2); sigma is the spread of the matte part's slopes (0 is Lambert's), by_sigma (1,);
+    by_frame (3, 3) is the derivative by the matrix's elements.
     """
     num, channels = value.shape
     lobes = len(alpha)
     by_diffuse[:] = 0.0
     by_specular[:] = 0.0
     by_alpha[:] = 0.0
+    by_sigma[:] = 0.0
     by_frame[:] = 0.0
     total = 0.0
     gi, go = np.empty(3), np.empty(3)
@@ -45,13 +65,16 @@ def cost(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, loss_scale, b
         gi[:] = 0.0
         go[:] = 0.0
         model_slope = 0.0
+        m, m_sigma, m_i, m_o = 1.0, 0.0, 0.0, 0.0
+        if sigma > 0.0 and lit:
+            m, m_sigma, m_i, m_o = matte(local_i, local_o, sigma)
         for k in range(lobes):
             ks[k] = 0.0
-        pulls = 0.0
+        pulls, matte_pull = 0.0, 0.0
         for c in range(channels):
             f = 0.0
             if lit:
-                f = diffuse[c] * _INV_PI
+                f = diffuse[c] * _INV_PI * m
                 for k in range(lobes):
                     if c == 0:
                         ks[k] = lobe(kind, local_i, local_o, alpha[k, 0], alpha[k, 1], f0)[0]
@@ -59,7 +82,8 @@ def cost(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, loss_scale, b
             r = weight * (factor * f - value[j, c])
             total += math.log1p(0.25 * r * r)
             pull = 0.5 * r / (1.0 + 0.25 * r * r) * weight
-            by_diffuse[c] += pull * factor * _INV_PI
+            by_diffuse[c] += pull * factor * _INV_PI * m
+            matte_pull += pull * factor * diffuse[c] * _INV_PI
             pulls += abs(pull)
             if lit:
                 model_slope += pull * f
@@ -70,7 +94,7 @@ def cost(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, loss_scale, b
         for k in range(lobes):
             pulled = 0.0
             for c in range(channels):
-                f = diffuse[c] * _INV_PI
+                f = diffuse[c] * _INV_PI * m
                 for q in range(lobes):
                     f += specular[q, c] * ks[q]
                 r = weight * (factor * f - value[j, c])
@@ -82,7 +106,9 @@ def cost(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, loss_scale, b
             for q in range(3):
                 gi[q] += pulled * ki[q]
                 go[q] += pulled * ko[q]
-        gi[2] += model_slope / a[2]
+        by_sigma[0] += matte_pull * m_sigma
+        gi[2] += model_slope / a[2] + matte_pull * m_i
+        go[2] += matte_pull * m_o
         for p in range(3):
             for q in range(3):
                 by_frame[p, q] += a[p] * gi[q] + b[p] * go[q]
@@ -90,6 +116,7 @@ def cost(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, loss_scale, b
     by_diffuse *= scale
     by_specular *= scale
     by_alpha *= scale
+    by_sigma *= scale
     by_frame *= scale
     return total * scale
 
@@ -114,7 +141,7 @@ def terms(wi, wo, kind, f0, frame, alpha):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def misfit(wi, wo, value, kind, f0, frame, diffuse, specular, alpha):
+def misfit(wi, wo, value, kind, f0, frame, diffuse, specular, alpha, sigma):
     """Return the mean squares of the cosine-weighted residual and of the cosine-weighted values."""
     num, channels = value.shape
     lobes = len(alpha)
@@ -126,13 +153,16 @@ def misfit(wi, wo, value, kind, f0, frame, diffuse, specular, alpha):
         lit = local_i[2] > 0.0 and local_o[2] > 0.0
         factor = local_i[2] / a[2] if lit else 0.0
         weight = a[2] * b[2]
+        m = 1.0
         if lit:
+            if sigma > 0.0:
+                m = matte(local_i, local_o, sigma)[0]
             for k in range(lobes):
                 ks[k] = lobe(kind, local_i, local_o, alpha[k, 0], alpha[k, 1], f0)[0]
         for c in range(channels):
             f = 0.0
             if lit:
-                f = diffuse[c] * _INV_PI
+                f = diffuse[c] * _INV_PI * m
                 for k in range(lobes):
                     f += specular[k, c] * ks[k]
             residual += (weight * (factor * f - value[j, c])) ** 2

@@ -1,8 +1,9 @@
 """Levenberg and Marquardt's method for the cost of `brdf_fit`, within bounds, compiled as a whole.
 
-The parameter vector x is that of `fit_problem.Problem`: diffuse (C), specular (L C), widths (L 2), three angles that turn
-the base frame. Cauchy's loss enters by weights (iteratively reweighted least squares): with s the squared residual r of one
-sample, the gradient of log(1 + s / 4) is w r J, and its Hessian is taken as w J J^T, w = 1 / (2 + s / 2).
+The parameter vector x is that of `fit_problem.Problem`: diffuse (C), specular (L C), widths (L 2), the spread of an Oren-Nayar
+base if there is one (the vector's length tells), three angles that turn the base frame. Cauchy's loss enters by weights
+(iteratively reweighted least squares): with s the squared residual r of one sample, the gradient of log(1 + s / 4) is w r J,
+and its Hessian is taken as w J J^T, w = 1 / (2 + s / 2).
 
 References
 ----------
@@ -17,6 +18,7 @@ from numba import njit
 
 from .brdf_fit import _local
 from .lobe_gradients import lobe
+from .matte_gradients import matte
 
 _INV_PI = 1.0 / math.pi
 _MAX_TURN = 0.5
@@ -54,6 +56,8 @@ def normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, 
     size = len(x)
     first = channels * (1 + lobes)  # of the parameters that all channels share
     shared = size - first
+    turn = shared - 3  # where the angles begin among these
+    is_rough = turn > 2 * lobes
     frame, by_angle = turned(base, x[size - 3], x[size - 2], x[size - 1])
     hessian[:] = 0.0
     gradient[:] = 0.0
@@ -93,22 +97,31 @@ def normal_equations(wi, wo, value, kind, f0, tied, base, x, lobes, loss_scale, 
                     s += gi[q] * turn_i[m, q] + go[q] * turn_o[m, q]
                 slopes[k, 2 + m] = s
         scaled = weight * factor
-        linear[0] = scaled * _INV_PI
+        base_value, m_sigma, m_i, m_o = _INV_PI, 0.0, 0.0, 0.0
+        if is_rough:
+            m_value, m_sigma, m_i, m_o = matte(local_i, local_o, x[size - 4])
+            base_value *= m_value
+        linear[0] = scaled * base_value
         for k in range(lobes):
             linear[1 + k] = scaled * ks[k]
         for c in range(channels):
-            f = x[c] * _INV_PI
+            f = x[c] * base_value
             for m in range(3):
-                row[2 * lobes + m] = 0.0
+                row[turn + m] = 0.0
+            if is_rough:
+                d = scaled * x[c] * _INV_PI
+                row[turn - 1] = d * m_sigma
+                for m in range(3):
+                    row[turn + m] = d * (m_i * turn_i[m, 2] + m_o * turn_o[m, 2])
             for k in range(lobes):
                 s = x[channels * (1 + k) + c]
                 f += s * ks[k]
                 row[2 * k] = scaled * s * slopes[k, 0]
                 row[2 * k + 1] = scaled * s * slopes[k, 1]
                 for m in range(3):
-                    row[2 * lobes + m] += scaled * s * slopes[k, 2 + m]
+                    row[turn + m] += scaled * s * slopes[k, 2 + m]
             for m in range(3):
-                row[2 * lobes + m] += weight * by_factor[m] * f
+                row[turn + m] += weight * by_factor[m] * f
             r = scaled * f - weight * value[j, c]
             s2 = 0.25 * r * r
             total += math.log1p(s2)

@@ -10,11 +10,10 @@ from typing import Any, NamedTuple
 
 from numba import njit
 
-from . import cook_torrance, ggx, lobes, phong, ward
+from . import cook_torrance, ggx, lobes, oren_nayar, phong, ward
 from .direction_mesh import NODE, locate
 from .fresnel import normal_reflectance
 from .kinds import COOK_TORRANCE, GGX, PHONG, Surface
-from .lambert import INV_PI
 from .microfacet import ALPHA_MIN
 
 # Columns of `rows`: which of ward, phong, … the lobes are, the texture's size, the first row of `texels`; of a BTF (LIGHTS
@@ -22,8 +21,8 @@ from .microfacet import ALPHA_MIN
 KIND, WIDTH, HEIGHT, TEXEL, LIGHTS, VIEWS, RANK, SPATIAL, ANGULAR, NUM_VIEWS, DECORRELATED = range(11)
 NUM_COLUMNS = 11
 # Columns of `texels`: the frame's are tangent, bitangent, normal, one after the other.
-DIFFUSE, FIRST, SECOND, ALPHA, SECOND_ALPHA, FRAME = 0, 3, 6, 9, 11, 13
-NUM_TEXEL_VALUES = 22
+DIFFUSE, FIRST, SECOND, ALPHA, SECOND_ALPHA, SIGMA, FRAME = 0, 3, 6, 9, 11, 13, 14
+NUM_TEXEL_VALUES = 23
 
 
 class TableArrays(NamedTuple):
@@ -153,10 +152,10 @@ def _fitted(tables, which, u, v, wo, wi):
         two = 0.0
         if _is_glossy(texel, SECOND):
             two = _lobe(row[KIND], f0, o, i, texel[SECOND_ALPHA], texel[SECOND_ALPHA + 1])
-        s = shares[k] * i[2]
-        r += s * (texel[DIFFUSE] * INV_PI + texel[FIRST] * one + texel[SECOND] * two)
-        g += s * (texel[DIFFUSE + 1] * INV_PI + texel[FIRST + 1] * one + texel[SECOND + 1] * two)
-        b += s * (texel[DIFFUSE + 2] * INV_PI + texel[FIRST + 2] * one + texel[SECOND + 2] * two)
+        s, matte = shares[k] * i[2], oren_nayar.evaluate(o, i, texel[SIGMA])
+        r += s * (texel[DIFFUSE] * matte + texel[FIRST] * one + texel[SECOND] * two)
+        g += s * (texel[DIFFUSE + 1] * matte + texel[FIRST + 1] * one + texel[SECOND + 1] * two)
+        b += s * (texel[DIFFUSE + 2] * matte + texel[FIRST + 2] * one + texel[SECOND + 2] * two)
     return r, g, b
 
 

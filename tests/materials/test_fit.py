@@ -10,7 +10,7 @@ from materials.directions import even_directions, spherical
 from materials.fit import FitSettings, estimate_normal, fit, fit_texel, fit_where_possible
 from materials.fit_problem import KINDS, Problem
 from materials.foundation.errors import InputError
-from materials.kernels import cook_torrance, ggx, phong, ward
+from materials.kernels import cook_torrance, ggx, oren_nayar, phong, ward
 from materials.kernels.levenberg import normal_equations
 from materials.kernels.lobe_gradients import lobe
 from materials.measured.cornell import read_cornell
@@ -21,7 +21,7 @@ TRUTH = {"diffuse": (0.3, 0.2, 0.1), "specular": ((0.5, 0.5, 0.4), (0.3, 0.3, 0.
 SCALE = {"phong": 0.05, "ward": 0.05, "ct": 1.0, "ggx": 1.0, "half_vector": 0.05}
 
 
-def problem(kind: str, dome=DOME, tilt=(0.0, 0.0), turn=0.3, lobes=2) -> tuple[Problem, np.ndarray]:
+def problem(kind: str, dome=DOME, tilt=(0.0, 0.0), turn=0.3, lobes=2, sigma=None) -> tuple[Problem, np.ndarray]:
     n = len(dome)
     wi, wo = np.repeat(dome, n, axis=0), np.tile(dome, (n, 1))
     alpha = [(a, a) for a, _ in TRUTH["alpha"]] if kind == "phong" else TRUTH["alpha"]
@@ -30,10 +30,11 @@ def problem(kind: str, dome=DOME, tilt=(0.0, 0.0), turn=0.3, lobes=2) -> tuple[P
             TRUTH["diffuse"],
             SCALE[kind] * np.array(TRUTH["specular"][:lobes]).ravel(),
             np.array(alpha[:lobes]).ravel(),
+            [] if sigma is None else [sigma],
             [*tilt, 0.0 if kind == "phong" else turn],
         ]
     )
-    return Problem(wi, wo, np.zeros((n * n, 3)), KINDS[kind], F0, np.eye(3), lobes, 1.0), x
+    return Problem(wi, wo, np.zeros((n * n, 3)), KINDS[kind], F0, np.eye(3), lobes, 1.0, rough_base=sigma is not None), x
 
 
 def rendered(kind: str, noise: float = 0.0, seed: int = 0, **rest) -> tuple[ABRDF, np.ndarray]:
@@ -42,7 +43,13 @@ def rendered(kind: str, noise: float = 0.0, seed: int = 0, **rest) -> tuple[ABRD
     p, x = problem(kind, **rest)
     d, s, a, _ = p.split(x)
     factor, t = terms(p.wi, p.wo, p.kind, F0, p.frame(x), np.ascontiguousarray(a))
-    value = factor[:, None] * (d / np.pi + t[:, :, 0] @ s)
+    frame = p.frame(x)
+    matte = (
+        [oren_nayar.evaluate(o, i, p.sigma(x)) for i, o in zip(p.wi @ frame, p.wo @ frame, strict=True)]
+        if p.rough_base
+        else 1 / np.pi
+    )
+    value = factor[:, None] * (np.multiply.outer(matte, d) + t[:, :, 0] @ s)
     value = np.maximum(value + noise * np.random.default_rng(seed).standard_normal(value.shape), 0)
     n = int(math.sqrt(len(value)))
     return from_grid(p.wi[::n], p.wo[:n], value.reshape(n, n, 3)), x
@@ -58,10 +65,13 @@ def test_the_lobes_are_those_that_scatter_light():
         assert lobe(KINDS["ct"], i, o, 0.2, 0.4, F0)[0] == pytest.approx(want, rel=1e-10)
 
 
-@pytest.mark.parametrize("kind", ["phong", "ward", "ct", "ggx", "half_vector"])
-def test_gradients_agree_with_differences(kind):
+@pytest.mark.parametrize(
+    ("kind", "sigma"),
+    [*((kind, None) for kind in ("phong", "ward", "ct", "ggx", "half_vector")), ("phong", 0.7), ("ct", 0.2), ("ggx", 1.2)],
+)
+def test_gradients_agree_with_differences(kind, sigma):
     # Few directions, seen at a tilt; residuals of all sizes, since the measured values are 0
-    p, x = problem(kind, even_directions(12, 70), (0.2, -0.1))
+    p, x = problem(kind, even_directions(12, 70), (0.2, -0.1), sigma=sigma)
     x[-1] = 0.3
     gradient, step = np.empty(p.size), 1e-6
     p.cost(x, gradient)
@@ -89,16 +99,19 @@ def test_a_model_is_recovered_from_its_own_noisy_samples(kind):
     assert f.relative_variance < 0.02
 
 
-@pytest.mark.parametrize("kind", ["phong", "ward", "ct", "ggx"])
-def test_both_solvers_reach_the_same_cost(kind):
+@pytest.mark.parametrize(
+    ("kind", "base"), [("phong", "lambert"), ("ward", "lambert"), ("ct", "lambert"), ("ggx", "lambert"), ("ggx", "oren_nayar")]
+)
+def test_both_solvers_reach_the_same_cost(kind, base):
     a, _ = rendered(kind, noise=0.005, dome=even_directions(40), tilt=(0.1, -0.05), turn=1.0)
-    ours, theirs = (fit_texel(a, settings=FitSettings(model=kind, solver=s)) for s in ("levenberg", "slsqp"))
+    ours, theirs = (fit_texel(a, settings=FitSettings(model=kind, base=base, solver=s)) for s in ("levenberg", "slsqp"))
     # each stops when a step gains less than 1e-7 of the cost, short of the bottom by some such steps; it may find a lower valley
     assert ours.cost <= theirs.cost * (1 + 1e-5)
 
 
-def test_the_compiled_gradient_and_cost_are_those_of_the_objective():
-    p, x = problem("ct", even_directions(12, 70), (0.2, -0.1))
+@pytest.mark.parametrize("sigma", [None, 0.4])
+def test_the_compiled_gradient_and_cost_are_those_of_the_objective(sigma):
+    p, x = problem("ct", even_directions(12, 70), (0.2, -0.1), sigma=sigma)
     gradient, other = np.empty(p.size), np.empty(p.size)
     value = p.cost(x, gradient)
     hessian = np.empty((p.size, p.size))
@@ -163,6 +176,8 @@ def test_what_cannot_be_fitted_is_refused():
         fit_texel(a)
     with pytest.raises(InputError, match="texel must lie in"):
         fit_texel(a, 3)
+    with pytest.raises(InputError, match="base must be one of lambert, oren_nayar"):
+        FitSettings(base="orennayar")
     with pytest.raises(InputError, match=r"lobes must lie in \[1, 2\]"):
         FitSettings(lobes=3)
 
