@@ -22,6 +22,7 @@ from .locate import Dependence, dependences, located
 from .prove import HeldOut, prove
 from .settle import needs_settling, prepared, settle
 from .solve import Fit, by_frame, context, covariance, fit, predict
+from .tolerance import SAYS, calibrated_away, gain_over_calibration
 
 Key = tuple[str, str | None]
 # (gain, sigmas) of each effect over a model without it.
@@ -31,6 +32,8 @@ logger = logging.getLogger("meniscus")
 _SIGMAS = 3.0
 # Stated and found noise may differ by this share without being called a mismatch: what renders the recording adds its own.
 _NOISE_SHARE = 0.06
+# Gain in chi-square a value that nothing within a calibration's tolerance has.
+_PLAIN = 0.3
 
 
 @dataclass
@@ -138,7 +141,11 @@ def diagnose(
         findings.append(_noise_finding(best, noise_factor))
     # Another noise that the catalogue has no name for is left over all the same.
     nameless = not (case.noise_estimated or stated) and "noise_model" not in case.untestable
-    clean = is_noise(best) and not (nameless and abs(noise_factor - 1) > _NOISE_SHARE)
+    clean = is_noise(best)
+    if not clean and case.traced and is_noise(calibrated_away(best)):
+        clean = True
+        notes.append(f"What remains is what a calibration leaves: {SAYS}.")
+    clean = clean and not (nameless and abs(noise_factor - 1) > _NOISE_SHARE)
     if findings:
         verdict = "explained" if clean else "partly_explained"
     else:
@@ -214,6 +221,8 @@ def shown(
     """Drop what a decoy in wrong coordinates does better; return (model, losses, results of decoys by effect, notes)."""
     notes: list[str] = []
     while True:
+        model, losses, within = _beyond_tolerance(case, base, model, losses, settings)
+        notes += within
         results = {t.key: _against_decoys(case, base, model, t) for t in model.effects}
         beaten = [(t, r) for t in model.effects for r in results[t.key] if r.sigmas < -settings.sigmas]
         if not beaten:
@@ -221,9 +230,34 @@ def shown(
         term, rival = min(beaten, key=lambda b: b[1].gain)
         place = f" on {term.target}" if term.target else ""
         notes.append(f"{term.effect.id}{place} lowered the residual, but {rival.title} lowers it more: it is not shown.")
-        kept = [t for t in model.terms if t.key != term.key]
-        model = base if len(kept) == 1 else assess(case, base.weight, fit(case, base.weight, prepared(case, kept, weigh), 10))
-        model, losses = pruned(case, base, polished(model), settings)
+        model, losses = _without(case, base, model, term, settings)
+
+
+def _beyond_tolerance(
+    case: Case, base: Model, model: Model, losses: Losses, settings: SearchSettings
+) -> tuple[Model, Losses, list[str]]:
+    """Drop what cameras and lamps explain as well that are off by no more than a calibration leaves."""
+    notes: list[str] = []
+    while case.traced:
+        for t in sorted(model.effects, key=lambda t: losses[t.key][0]):
+            # What is plain to see was not left by a calibration.
+            if losses[t.key][0] > _PLAIN and t.effect.id not in ("pose_error", "light_position"):
+                continue
+            gain, sigmas = gain_over_calibration(case, base, model, t, weigh)
+            if gain < settings.least_gain or sigmas < settings.sigmas:
+                break
+        else:
+            return model, losses, notes
+        notes.append(f"{t.effect.id} explains no more than what a calibration leaves ({SAYS}): it is not named.")
+        model, losses = _without(case, base, model, t, settings)
+    return model, losses, notes
+
+
+def _without(case: Case, base: Model, model: Model, term: Term, settings: SearchSettings) -> tuple[Model, Losses]:
+    """Return the model without one of its effects, fitted and pruned again."""
+    kept = [t for t in model.terms if t.key != term.key]
+    less = base if len(kept) == 1 else assess(case, base.weight, fit(case, base.weight, prepared(case, kept, weigh), 10))
+    return pruned(case, base, polished(less), settings)
 
 
 def _against_decoys(case: Case, base: Model, model: Model, term: Term) -> list[DecoyResult]:
