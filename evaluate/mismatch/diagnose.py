@@ -22,7 +22,7 @@ from .locate import Dependence, dependences, located
 from .prove import HeldOut, prove
 from .settle import needs_settling, prepared, settle
 from .solve import Fit, by_frame, context, covariance, fit, predict
-from .tolerance import SAYS, calibrated_away, gain_over_calibration
+from .tolerance import SAYS, calibrated_away, gain_over_calibration, is_tolerated
 
 Key = tuple[str, str | None]
 # (gain, sigmas) of each effect over a model without it.
@@ -240,6 +240,8 @@ def _beyond_tolerance(
     notes: list[str] = []
     while case.traced:
         for t in sorted(model.effects, key=lambda t: losses[t.key][0]):
+            if is_tolerated(case, t):
+                break
             # What is plain to see was not left by a calibration.
             if losses[t.key][0] > _PLAIN and t.effect.id not in ("pose_error", "light_position"):
                 continue
@@ -248,7 +250,7 @@ def _beyond_tolerance(
                 break
         else:
             return model, losses, notes
-        notes.append(f"{t.effect.id} explains no more than what a calibration leaves ({SAYS}): it is not named.")
+        notes.append(f"{t.effect.id} is no more, or explains no more, than what a calibration leaves ({SAYS}): it is not named.")
         model, losses = _without(case, base, model, t, settings)
     return model, losses, notes
 

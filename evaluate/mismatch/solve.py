@@ -195,9 +195,7 @@ def held_out(case: Case, fitted: Fit) -> NDArray[np.float64]:
             H, g = unknowns.assemble(
                 np.einsum("fh,fhk->fk", use, fitted.gradient), np.einsum("fh,fhkl->fkl", use, fitted.curvature)
             )
-            # In units in which all parameters count alike; what single floats cannot part stays where it is.
-            unit = 1 / np.sqrt(np.maximum(np.diag(H), 1e-300))
-            step = unit * np.linalg.lstsq(H * np.outer(unit, unit), g * unit, rcond=_PARTED)[0]
+            step = unknowns.within_bounds(H, g)
             for f in frames:
                 d = unknowns.of_frame(step, int(f))
                 for h in (0, 1) if half is None else (half,):
@@ -282,6 +280,18 @@ class _Unknowns:
             moved = moved or bool(np.any(new != old))
             t.values[p.name] = np.float64(new[0]) if p.per == "" else new
         return moved
+
+    def within_bounds(self, H: NDArray, g: NDArray) -> NDArray[np.float64]:
+        """Return the Newton step (U,) from the values, where what is at a bound and drawn beyond it stays there."""
+        value, low, high = np.zeros(self.total), np.zeros(self.total), np.zeros(self.total)
+        for index, (t, p) in zip(self.index, self.columns):
+            value[index], low[index], high[index] = np.atleast_1d(t.values[p.name]), p.low, p.high
+        edge = 1e-9 * np.abs(high - low)
+        free = ~(((value <= low + edge) & (g < 0)) | ((value >= high - edge) & (g > 0)))
+        # In units in which all parameters count alike; what single floats cannot part stays where it is.
+        unit = free / np.sqrt(np.maximum(np.diag(H), 1e-300))
+        step = unit * np.linalg.lstsq(H * np.outer(unit, unit), g * unit, rcond=_PARTED)[0]
+        return np.clip(step, low - value, high - value)
 
     def of_frame(self, step: NDArray, frame: int) -> NDArray:
         return step[self.rows[frame]]

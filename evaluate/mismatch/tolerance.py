@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ..effects.light_position import LightPosition
 from ..effects.pose_error import PoseError
 from .attribute import Model, assess, gain_of
@@ -34,6 +36,15 @@ def calibration_terms(case: Case, besides: list[Term]) -> list[Term]:
         own = tuple(replace(p, low=LAMPS * p.low, high=LAMPS * p.high) for p in lamps.parameters(case, targets[0]))
         out.append(Term(lamps, targets[0], None, own))
     return out
+
+
+def is_tolerated(case: Case, term: Term) -> bool:
+    """Return whether a term moves cameras or lamps by no more than is tolerated, on average over views or lamps."""
+    if term.effect.id not in ("pose_error", "light_position"):
+        return False
+    # A step of a pose is a tenth of a pixel; a lamp may go as far as it is away.
+    share = {p.name: (0.1 / PIXELS) / p.step if p.per else 1 / (LAMPS * p.high) for p in term.parameters}
+    return all(np.sqrt(np.mean((np.asarray(term.values[name]) * s) ** 2)) <= 1 for name, s in share.items())
 
 
 def calibrated_away(model: Model) -> Model:

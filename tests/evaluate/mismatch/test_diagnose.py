@@ -17,12 +17,14 @@ from evaluate.mismatch.diagnose import diagnose
 from evaluate.mismatch.outputs import as_json, write_diagnosis
 from materials.foundation.errors import InputError
 from scene.images import write_exr
-from scene.recording import write_recording
+from scene.recording import Noise, write_recording
 from scene.simulation import AddedEffect
 from scene.simulation_file import read_simulation, write_simulation
 
 from .worlds import SIZE, recorded, simulation
 
+# What a camera's twist has besides its turns about x and y.
+REST = ("turn_z", "shift_x", "shift_y", "shift_z")
 # Enough for a race between right and wrong, few enough to be quick.
 FEW = (
     "exposure_drift",
@@ -107,6 +109,19 @@ def test_a_believed_noise_has_a_size(tmp_path):
     case = recorded(tmp_path, simulation(), {})
     with pytest.raises(InputError, match=r"effects\[0\].parameters.sigma_factor must be a number above 0, got 0"):
         diagnose(replace(case, simulation=believed), few())
+
+
+@pytest.mark.parametrize(("pixels", "named"), [(0.04, []), (0.4, ["pose_error"])])
+def test_cameras_are_out_of_place_only_beyond_what_a_calibration_leaves(tmp_path, pixels, named):
+    # Focal length 80 px; three places.
+    turn = np.array([1.0, -1.0, 0.8]) * pixels / 80
+    case = recorded(
+        tmp_path, simulation(), {"pose_error": {"turn_x": turn, "turn_y": -turn} | dict.fromkeys(REST, 0 * turn)}, gain=0.2
+    )
+    # In a fifth of the usual noise both can be seen.
+    case = replace(case, variance=case.variance / 25, noise=Noise(0.0003, 0.000016))
+    d = diagnose(case, [e for e in catalogue() if e.id in ("pose_error", "glare")])
+    assert [f.id for f in d.findings] == named
 
 
 def test_the_same_seed_gives_the_same_diagnosis(tmp_path):
