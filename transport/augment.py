@@ -21,17 +21,16 @@ from materials.foundation.settings import as_dict
 from scene.images import write_exr, write_raw
 from scene.recording import Frame, Recording, write_recording
 from scene.scene_file import Scene
-from scene.wetting.spray import spray_over
 from scene.wetting.water import water_level
 from scene.wetting.wetting_patterns import puddle_pattern
 from scene.wetting.windshield import Windshield, glass_before
 
+from .air import air_over
 from .augment_settings import AugmentSettings, check_wetness
 from .droplets import droplet_frame
 from .kernels.media import MediumArrays
 from .kernels.wet import SPLIT
 from .layers import FrameResult, labels, layers
-from .media import compile_spray
 from .mist import misty_frame
 from .projected_world import ProjectedFrame, project_frame
 from .separate import Separation, refine, separate, water_normals
@@ -81,7 +80,7 @@ def augment(
     if settings.puddle_scale > 0:
         maps["puddles"] = puddle_pattern(*scene.grid.centres(), settings.seed, scale=settings.puddle_scale)
     levels = [water_level(maps, scene.grid, w, settings.water) for w in wetness]
-    mist = mist_over(scene, settings)
+    air = air_over(scene, settings)
     names = [folder_name(w, settings) for w in wetness]
     report: list[dict[str, Any]] = []
     gain = settings.sky_gain or estimate_sky_gain(scene, frames, normals, settings)
@@ -93,26 +92,21 @@ def augment(
         projected = project_frame(scene, index, projected, gain)
         separation = separate_frame(projected, scene, normals, settings)
         for w, name, water in zip(wetness, names, levels, strict=True):
+            mist = air.at(index, water)
             result = rainy_frame(projected, separation, np.clip(water, 0, 1), mist, settings)
             if settings.droplets > 0:
                 shield = shield or windshield_before(projected, settings)
                 result = through_drops(result, mist, shield, index, settings)
             _write_frame(folder / name, result, settings)
             passed.setdefault(name, []).append(_pass_truth(projected, folder / name, settings.format))
-            report.append(_figures(result, w))
+            figures = _figures(result, w)
+            report.append(figures | {"wheel_spray": air.figures(index, water)} if settings.wheel_spray > 0 else figures)
     for w, name in zip(wetness, names, strict=True):
         used = replace(settings, sky_gain=gain)
         wet = Recording(tuple(passed[name]), (folder / name).resolve(), f"{scene.name}, wetness {w:g}", noise=scene.recording.noise)
         write_recording(folder / name / "recording.json", wet)
         write_json(folder / name / "augment.json", _record(scene, w, used, [r for r in report if r["wetness"] == w]))
     return report
-
-
-def mist_over(scene: Scene, settings: AugmentSettings) -> MediumArrays | None:
-    """Return the mist over a scene's ground, or None if the settings have none."""
-    if settings.mist <= 0:
-        return None
-    return compile_spray(spray_over(scene.maps["height"], scene.grid, settings.mist, settings.spray, settings.seed))
 
 
 def rainy_frame(
@@ -308,6 +302,7 @@ def _record(scene: Scene, w: float, settings: AugmentSettings, frames: list[dict
         "scene": scene.name,
         "wetness": w,
         "mist": settings.mist,
+        "wheel_spray": settings.wheel_spray,
         "droplets": settings.droplets,
         "settings": as_dict(settings),
         "frames": frames,
@@ -323,8 +318,9 @@ def _version(package: str) -> str | None:
 
 
 def folder_name(w: float, settings: AugmentSettings) -> str:
-    """Name the folder of a wetness so that names sort as numbers do: `w0.33`, with mist and drops `w0.33_m0.50_d0.20`."""
-    more = "".join(f"_{key}{value:.2f}" for key, value in (("m", settings.mist), ("d", settings.droplets)) if value > 0)
+    """Name the folder of a wetness so that names sort as numbers do: `w0.33`, with all `w0.33_m0.50_s1.00_d0.20`."""
+    amounts = (("m", settings.mist), ("s", settings.wheel_spray), ("d", settings.droplets))
+    more = "".join(f"_{key}{value:.2f}" for key, value in amounts if value > 0)
     return f"w{w:.2f}{more}"
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from materials.foundation.settings import check_settings, setting
 from materials.relief_settings import ImageRelief
 from scene.wetting.spray_settings import SpraySettings
+from scene.wetting.wake_settings import WakeSettings
 from scene.wetting.water_settings import WaterSettings
 from scene.wetting.windshield_settings import WindshieldSettings
 
@@ -24,6 +25,11 @@ class AugmentSettings:
     mist: float = setting(0.0, "amount of spray and mist, 0 to 1 (mean free path 50 m at the ground)", within="[0, 1]")
     smooth_mist: float = setting(
         3.0, "width over which the noise of mist is smoothed along surfaces [px]; 0 leaves every pixel unbiased", within="[0, 100]"
+    )
+    wheel_spray: float = setting(
+        0.0,
+        "amount of spray behind moving vehicles; 1 is what tyres throw up at their speed from the water there",
+        within="[0, 10]",
     )
     droplets: float = setting(0.0, "amount of drops on the windshield, 0 to 1", within="[0, 1]")
     bounces: int = setting(3, "reflections followed between ground and objects", within="[1, 64]")
@@ -45,6 +51,7 @@ class AugmentSettings:
     relief: ImageRelief = field(default_factory=ImageRelief)
     water: WaterSettings = field(default_factory=WaterSettings)
     spray: SpraySettings = field(default_factory=SpraySettings)
+    wakes: WakeSettings = field(default_factory=WakeSettings)
     windshield: WindshieldSettings = field(default_factory=WindshieldSettings)
 
     def __post_init__(self) -> None:

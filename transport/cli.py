@@ -17,7 +17,7 @@ def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="augment",
         description="Wet the ground of a scene that scene-build made: darkened, glossy, with puddles that mirror the street; and "
-        "fill its air with spray and mist, and let drops fall on the windshield.",
+        "fill its air with spray and mist, also behind wheels, and let drops fall on the windshield.",
     )
     parser.add_argument("scene", help="folder of the scene")
     parser.add_argument("-o", "--output", required=True, help="folder for the result")
@@ -34,7 +34,8 @@ def main(argv: list[str] | None = None) -> int:
     add_flags(
         parser,
         AugmentSettings,
-        "options (constants of water, mist, drops and relief: --settings, tables [water], [spray], [windshield] and [relief])",
+        "options (constants of water, mist, wheel spray, drops and relief: --settings, "
+        "tables [water], [spray], [wakes], [windshield] and [relief])",
     )
     add_common_flags(parser)
     return run_command(parser, _run, argv)

@@ -9,6 +9,7 @@ from scipy.ndimage import maximum_filter
 from materials.foundation.checks import check_finite, check_range, check_shape, check_unit
 from materials.foundation.errors import InputError
 from materials.phase import droplets, henyey_greenstein
+from scene.kernels.wakes import COLUMNS
 from scene.simulation import Material, Medium
 from scene.wetting.spray import Spray
 
@@ -65,6 +66,9 @@ def compile_medium(medium: Medium) -> MediumArrays:
         np.array([0.0, 0.0, 1.0]),
         np.array([1.0, 0.0, 1.0, 0.0]),
         np.uint64(0),
+        np.zeros((0, COLUMNS)),
+        np.full(3, np.inf),
+        np.full(3, -np.inf),
     )
 
 
@@ -131,6 +135,8 @@ def compile_spray(spray: Spray) -> MediumArrays:
         spray.frame,
         spray.noise,
         spray.seed_bits,
+        spray.wakes,
+        *spray.wake_box(),
     )
 
 

@@ -165,17 +165,33 @@ def body_meshes(board: Cardboard, eye: NDArray[np.float64]) -> tuple[Mesh, Mesh,
     usual depth blocks it; the mask cuts the hull to the object's outline as the camera sees it.
     """
     bl, br, tr, tl = board.corners_world
-    across = br - bl
-    width = float(np.linalg.norm(across))
-    away = np.cross(across / max(width, 1e-9), (0.0, 0.0, 1.0))
-    away *= -np.sign(np.dot(away, eye - bl)) or 1.0
     is_vehicle = board.kind == "vehicle"
-    depth = (_VEHICLE_WIDTH if width > _SIDE_VIEW else _VEHICLE_LENGTH) if is_vehicle else _PEDESTRIAN_DEPTH
+    _, depth, away = _ground_plan(board, eye)
     back, lift = away * depth, np.array([0.0, 0.0, _CLEARANCE if is_vehicle else 0.0])
     low = (bl + lift, br + lift, br + lift + back, bl + lift + back)
     high = (tl, tr, tr + back, tl + back)
     sides = [(low[k], low[k + 1 - 4 * (k == 3)], high[k + 1 - 4 * (k == 3)], high[k]) for k in (1, 2, 3)]
     return _quads([(bl, br, tr, tl)]), _quads([*sides, high]), _quads([low])
+
+
+def vehicle_footprint(board: Cardboard, eye: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return middle (2,) and length, width and height (3,) of the vehicle whose side or end a cardboard shows [m]."""
+    bl, br, tr, _ = board.corners_world
+    width, depth, away = _ground_plan(board, eye)
+    middle = 0.5 * (bl + br) + 0.5 * depth * away
+    return middle[:2], np.array([max(width, depth), min(width, depth), tr[2] - br[2]])
+
+
+def _ground_plan(board: Cardboard, eye: NDArray[np.float64]) -> tuple[float, float, NDArray[np.float64]]:
+    """Return a cardboard's width, the depth of what is behind it, and the level unit vector (3,) that way from `eye`."""
+    bl, br = board.corners_world[:2]
+    across = br - bl
+    width = float(np.linalg.norm(across))
+    away = np.cross(across / max(width, 1e-9), (0.0, 0.0, 1.0))
+    away *= -np.sign(np.dot(away, eye - bl)) or 1.0
+    if board.kind != "vehicle":
+        return width, _PEDESTRIAN_DEPTH, away
+    return width, _VEHICLE_WIDTH if width > _SIDE_VIEW else _VEHICLE_LENGTH, away
 
 
 def _quads(corners: list[tuple[NDArray, ...]]) -> Mesh:

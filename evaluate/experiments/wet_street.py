@@ -20,9 +20,9 @@ from scene.scene_file import read_scene
 from scene.street import StreetSettings, street
 from scene.wetting.water import water_level
 from scene.wetting.windshield import Windshield
+from transport.air import mist_over
 from transport.augment import (
     estimate_sky_gain,
-    mist_over,
     rainy_frame,
     separate_frame,
     through_drops,

@@ -1,4 +1,4 @@
-"""Density of spray and mist at a point: exponential in height above the ground, times noise (eq 6.6)."""
+"""Extinction of spray and mist at a point: exponential in height above the ground (eq 6.6), wakes of vehicles, times noise."""
 
 import math
 
@@ -8,6 +8,7 @@ from numba import njit, prange
 from materials.kernels.lean import lean
 
 from .noise import spectral_3d
+from .wakes import wake_bound, wake_density
 
 
 @lean(error_model="numpy")
@@ -37,23 +38,28 @@ def unevenness(p, noise, seed):
 
 
 @lean(error_model="numpy")
-def density(p, ground, frame, scale_height, noise, seed):
-    """Return P exp(-d / scale height) at a point; below the ground d is 0."""
+def extinction(p, sigma, ground, frame, scale_height, wakes, noise, seed):
+    """Return P (sigma exp(-d / scale height) + wakes) at a point [1/m]; below the ground d is 0."""
     d = max(p[2] - ground_height(ground, frame, p[0], p[1]), 0.0)
-    return math.exp(-d / scale_height) * unevenness(p, noise, seed)
+    mean = sigma * math.exp(-d / scale_height) + wake_density(wakes, p[0], p[1], d)
+    # Where there is nothing, the noise, which costs the most, need not be known.
+    return mean * unevenness(p, noise, seed) if mean > 0.0 else 0.0
 
 
 @njit(cache=True, parallel=True)
-def density_many(points, ground, frame, scale_height, noise, seed, out):
-    """Loop over `density`; points (N, 3), out (N,)."""
+def extinction_many(points, sigma, ground, frame, scale_height, wakes, noise, seed, out):
+    """Loop over `extinction`; points (N, 3), out (N,)."""
     for i in prange(len(points)):
         p = (points[i, 0], points[i, 1], points[i, 2])
-        out[i] = density(p, ground, frame, scale_height, noise, seed)
+        out[i] = extinction(p, sigma, ground, frame, scale_height, wakes, noise, seed)
 
 
 @njit(cache=True, parallel=True, error_model="numpy")
-def upper_bounds(ground, frame, scale_height, largest, low, size, out):
-    """Fill (nz, ny, nx) with the largest density that cells of a box may hold; `low` its corner, `size` (x, y, z) of a cell."""
+def upper_bounds(ground, frame, scale_height, sigma, wakes, largest, low, size, out):
+    """Fill (nz, ny, nx) with the largest extinction that cells of a box may hold; `low` its corner, `size` (x, y, z) of a cell.
+
+    `largest` is the most that the noise makes of its mean.
+    """
     nz, ny, nx = out.shape
     rows, cols = ground.shape
     for j in prange(ny):
@@ -69,5 +75,9 @@ def upper_bounds(ground, frame, scale_height, largest, low, size, out):
                     top = max(top, ground[r, c])
             for k in range(nz):
                 d = max(low[2] + k * size[2] - top, 0.0)
+                x, y = low[0] + i * size[0], low[1] + j * size[1]
+                e = 1e-3 * frame[2]
+                mean = sigma * math.exp(-d / scale_height)
+                mean += wake_bound(wakes, x - e, x + size[0] + e, y - e, y + size[1] + e, max(d - e, 0.0))
                 # The share on top covers what float32 rounds off.
-                out[k, j, i] = np.float32(1.00001 * largest * math.exp(-d / scale_height))
+                out[k, j, i] = np.float32(1.00001 * largest * mean)

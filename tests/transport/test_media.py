@@ -16,6 +16,7 @@ from scene.grid import GroundGrid
 from scene.simulation import EnvironmentLight, Material, Medium, PointLight, Shape, Simulation, SphereLight
 from scene.wetting.spray import spray_over
 from scene.wetting.spray_settings import SpraySettings
+from scene.wetting.wakes import MovingVehicle, wakes_of
 from tests.transport.worlds import WHITE, camera, floor, grey, mean_and_error, rectangle
 from transport.media import compile_medium, compile_spray, transmittance
 from transport.render import render
@@ -184,6 +185,21 @@ def test_spray_lets_through_what_the_integral_of_eq_6_6_says():
         spray = spray_over(height, grid, 1.0, SpraySettings(contrast=contrast, margin=20), seed=3)
         exact = math.exp(-np.mean(spray.extinction(o + t[:, None] * d)) * 60)
         many = transmittance(compile_spray(spray), np.tile(o, (64, 1)), np.tile(d, (64, 1)), np.full(64, 60.0), samples=256)
+        assert abs(many.mean() - exact) < Z * many.std(ddof=1) / 8
+
+
+@pytest.mark.parametrize("m", [0.0, 1.0])
+def test_a_wake_lets_through_what_the_line_integral_says(m):
+    grid = GroundGrid(-30.0, -10.0, 0.5, 40, 80)
+    car = MovingVehicle("1", np.array([0.0, 0.0]), np.array([25.0, 5.0]), np.array([4.3, 1.8, 1.5]))
+    spray = spray_over(np.zeros(grid.shape, np.float32), grid, m, SpraySettings(margin=5), 3, wakes_of(car, 0.001))
+    # Along the wake, and across it close behind the tyres.
+    for o, d in (((-16.0, -3.0, 1.2), (0.98, 0.16, -0.04)), ((-2.0, -5.0, 0.4), (0.02, 1.0, 0.0))):
+        o, d = np.array(o), np.array(d) / np.linalg.norm(d)
+        t = (np.arange(60_000) + 0.5) / 60_000 * 15
+        exact = math.exp(-np.mean(spray.extinction(o + t[:, None] * d)) * 15)
+        many = transmittance(compile_spray(spray), np.tile(o, (64, 1)), np.tile(d, (64, 1)), np.full(64, 15.0), samples=256)
+        assert exact < 0.8
         assert abs(many.mean() - exact) < Z * many.std(ddof=1) / 8
 
 

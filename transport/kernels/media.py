@@ -28,8 +28,8 @@ class MediumArrays(NamedTuple):
     """A medium in a box (infinite bounds: everywhere).
 
     EVEN has `sigma_t` in all of it; HEIGHT sigma_t exp(-(z - base_z) / scale_height); GRID sigma_t times `density`, whose
-    (nz, ny, nx) values stand at the centres of as many cells of the box, trilinear between them; SPRAY sigma_t times
-    `scene.kernels.spray.density`.
+    (nz, ny, nx) values stand at the centres of as many cells of the box, trilinear between them; SPRAY has that of
+    `scene.kernels.spray.extinction`, sigma_t being that of the mist at the ground.
     """
 
     kind: int
@@ -46,6 +46,9 @@ class MediumArrays(NamedTuple):
     ground_frame: Any  # (3,) float64: x_min, y_min and cell of `ground`
     noise: Any  # (4,) float64: scale, exponent, octaves and contrast of spray
     seed: Any  # uint64, of that noise
+    wakes: Any  # (K, scene.kernels.wakes.COLUMNS) float64, spray behind tyres
+    wake_low: Any  # (3,) float64, corners of the box that holds all wakes; high below low without any
+    wake_high: Any  # (3,) float64
 
 
 @lean()
@@ -69,14 +72,25 @@ def tracking(stream, index, dimension):
 
 @lean(error_model="numpy")
 def span(medium, o, d, far):
-    """Return where a ray enters and leaves the box [m]; entry beyond exit is a miss."""
+    """Return where a ray enters and leaves the medium's box [m]; entry beyond exit is a miss."""
+    return _span(medium.low, medium.high, o, d, far)
+
+
+@lean(error_model="numpy")
+def wake_span(medium, o, d, far):
+    """As `span`, of the box that holds all wakes."""
+    return _span(medium.wake_low, medium.wake_high, o, d, far)
+
+
+@lean(error_model="numpy")
+def _span(low, high, o, d, far):
     t0, t1 = 0.0, far
     for c in range(3):
         if d[c] == 0.0:
-            if o[c] < medium.low[c] or o[c] > medium.high[c]:
+            if o[c] < low[c] or o[c] > high[c]:
                 return FAR, 0.0
             continue
-        a, b = (medium.low[c] - o[c]) / d[c], (medium.high[c] - o[c]) / d[c]
+        a, b = (low[c] - o[c]) / d[c], (high[c] - o[c]) / d[c]
         t0, t1 = max(t0, min(a, b)), min(t1, max(a, b))
     return t0, t1
 
@@ -121,10 +135,17 @@ def _cell(x, count):
 
 
 @lean(error_model="numpy")
+def spray_extinction(medium, p, sigma, wakes):
+    """Return the extinction of mist of `sigma` at the ground, and of some wakes [1/m]."""
+    m = medium
+    return spray.extinction(p, sigma, m.ground, m.ground_frame, m.scale_height, wakes, m.noise, m.seed)
+
+
+@lean(error_model="numpy")
 def extinction(medium, p):
     """Return the extinction at a point of the box of a medium that is tracked [1/m]."""
     if medium.kind == SPRAY:
-        return medium.sigma_t * spray.density(p, medium.ground, medium.ground_frame, medium.scale_height, medium.noise, medium.seed)
+        return spray_extinction(medium, p, medium.sigma_t, medium.wakes)
     q = medium.density
     k0, k1, w = _cell((p[2] - medium.low[2]) / (medium.high[2] - medium.low[2]), q.shape[0])
     j0, j1, v = _cell((p[1] - medium.low[1]) / (medium.high[1] - medium.low[1]), q.shape[1])

@@ -17,7 +17,7 @@ from materials.kernels.frames import dot
 from materials.kernels.lean import lean
 
 from .emitters import FAR
-from .media import extinction, flight, phase_of, span, tracking, uniform
+from .media import flight, phase_of, span, spray_extinction, tracking, uniform, wake_span
 from .optics import camera_ray
 from .projected import GROUND, faces_viewer, nearest, role_of
 from .rays import ray_buffer
@@ -27,6 +27,8 @@ from .wet import lobe_at, mirrored, reflected_radiance, water_at
 
 # Distance of the points [m], about two of the noise's largest cells, and how many there are at the least and the most.
 _SPACING, _FEWEST, _MOST = 1.0, 8, 256
+# The same within the box of the wakes, which begin as narrow as a tyre and are half a metre wide soon.
+_WAKE_SPACING = 0.25
 # Chance to go on with the power series beyond its first term, which is always taken.
 _GO_ON = 0.25
 # Dimensions of the sampler besides 0, the pixel.
@@ -35,28 +37,39 @@ _NOWHERE = (0.0, 0.0, 0.0)
 
 
 @lean(error_model="numpy")
-def _depth(medium, o, d, t0, t1, u):
+def _depth(medium, sigma, wakes, spacing, o, d, t0, t1, u):
     """Return an unbiased estimate of the optical depth from t0 to t1 from points that u in [0, 1) moves along."""
-    count = min(max(int((t1 - t0) / _SPACING), _FEWEST), _MOST)
+    if t0 >= t1:
+        return 0.0
+    count = min(max(int((t1 - t0) / spacing), _FEWEST), _MOST)
     step = (t1 - t0) / count
     total = 0.0
     for i in range(count):
         t = t0 + (i + u) * step
-        total += extinction(medium, (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]))
+        total += spray_extinction(medium, (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]), sigma, wakes)
     return total * step
 
 
 @lean(error_model="numpy")
+def _depths(medium, o, d, t0, t1, w0, w1, u):
+    """Return the sum of the optical depths of mist, from t0 to t1, and of wakes, from w0 to w1."""
+    none = medium.wakes[:0]
+    total = _depth(medium, medium.sigma_t, none, _SPACING, o, d, t0, t1, u) if medium.sigma_t > 0.0 else 0.0
+    return total + _depth(medium, 0.0, medium.wakes, _WAKE_SPACING, o, d, w0, w1, u)
+
+
+@lean(error_model="numpy")
 def even_transmittance(medium, o, d, far, state):
-    """Return an unbiased estimate of the transmittance, of little noise, of a medium that is tracked."""
+    """Return an unbiased estimate of the transmittance, of little noise, of spray and mist."""
     t0, t1 = span(medium, o, d, far)
     if t0 >= t1:
         return 1.0
+    w0, w1 = wake_span(medium, o, d, far)
     # exp(-tau) = exp(-x0) exp(x0 - tau), the second factor as a power series in independent estimates of tau.
-    x0 = _depth(medium, o, d, t0, t1, uniform(state, 0))
+    x0 = _depths(medium, o, d, t0, t1, w0, w1, uniform(state, 0))
     series, term, k = 1.0, 1.0, 1
     while True:
-        term *= (x0 - _depth(medium, o, d, t0, t1, uniform(state, 2 * k))) / k
+        term *= (x0 - _depths(medium, o, d, t0, t1, w0, w1, uniform(state, 2 * k))) / k
         series += term
         if uniform(state, 2 * k + 1) >= _GO_ON:
             return math.exp(-x0) * series
