@@ -115,8 +115,8 @@ def _mesh() -> Simulation:
 def _fog() -> Simulation:
     """A ball and a ground in even fog around a point of light.
 
-    The lamp stands above the picture: through the place of a point in fog no estimate that draws distances by extinction alone
-    has a finite variance, ours no more than Mitsuba's, and errors could not be compared.
+    The lamp stands above the picture: through the place of a point in fog no estimate that draws distances by extinction alone,
+    as Mitsuba's, has a finite variance, and errors could not be compared.
     """
     ground, ball = rectangle_mesh((-7, -7, 0), (14, 0, 0), (0, 14, 0)), _scaled(ball_mesh((0, 0, 0)), 0.7, (0.0, -1.3, 0.7))
     things = {"ground": (ground, Material("lambert", (0.4, 0.4, 0.4))), "ball": (ball, Material("lambert", (0.7, 0.4, 0.1)))}

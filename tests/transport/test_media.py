@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from materials.foundation.errors import InputError
 from scene.grid import GroundGrid
@@ -110,7 +111,7 @@ def single_scattering(medium, lamp, start, end):
         f = (1 - g * g) / (4 * math.pi * (1 + g * g - 2 * g * cos) ** 1.5)
         return medium.sigma_t * math.exp(-medium.sigma_t * (y - start + r)) * f / r**2
 
-    return quad(along, start, end, epsabs=1e-12)[0]
+    return quad(along, start, end, epsabs=1e-12, points=[lamp[1]], limit=200)[0]
 
 
 @pytest.mark.parametrize("g", [0.0, 0.7, -0.4])
@@ -119,6 +120,42 @@ def test_fog_around_a_lamp_glows_as_the_integral_of_single_scattering_says(g):
     lit = air(medium, {"lamp": PointLight((1.0, 0.5, 0.0), WHITE)})
     expected = single_scattering(medium, (1.0, 0.5, 0.0), -6.0, 30.0) * np.array([0.9, 0.5, 0.1])
     assert_equals(render(lit, AHEAD, samples=1024, max_bounces=1), expected)
+
+
+@pytest.mark.parametrize("aside", [0.02, 0.3])
+@pytest.mark.parametrize("scale_height", [None, 2.0])
+def test_the_glow_close_to_a_lamp_has_hardly_any_noise(aside, scale_height):
+    medium = Medium(0.4, (0.9, 0.5, 0.1), 0.5, scale_height=scale_height)
+    lit = air(medium, {"lamp": PointLight((aside, 0.5, 0.0), WHITE)})
+    expected = single_scattering(medium, (aside, 0.5, 0.0), -6.0, 30.0) * np.array([0.9, 0.5, 0.1])
+    seen = render(lit, camera((0, -6, 0), (0, 0, 0), 8, 8, 1e-3), samples=64, max_bounces=1)
+    # Distances drawn by extinction alone are off by a fifth here: they rarely come near the lamp, whose 1 / r^2 is not bounded.
+    np.testing.assert_allclose(seen.radiance.mean(axis=(0, 1)), expected, rtol=2e-3)
+
+
+def test_places_drawn_by_angle_and_by_collisions_alone_give_the_same_light():
+    # The lamps stand outside, so both have little noise; a grid draws by collisions alone.
+    lights = {"a": PointLight((0.5, 0.6, 3.0), (2.0, 1.0, 0.5)), "b": PointLight((-3.0, 0.0, 0.0), WHITE)}
+    means = []
+    for medium in (Medium(0.9, (0.8, 0.9, 1.0), 0.4, BOX), replace(fog_of(1.0), sigma_t=0.9, albedo=(0.8, 0.9, 1.0), g=0.4)):
+        lit = air(medium, lights, Shape("ground", floor(8, -1.0), "grey"), grey=Material("lambert", (0.5, 0.5, 0.5)))
+        view = camera((0, -6, 1), (0, 0, 0), 12, 12, 30)
+        runs = [
+            render(lit, view, samples=64, seed=s + 100 * len(means), max_bounces=6).radiance.mean(axis=(0, 1)) for s in range(12)
+        ]
+        means.append(np.array(runs, np.float64))
+    a, b = means
+    z = (a.mean(axis=0) - b.mean(axis=0)) / np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / 12)
+    # The errors come from 12 runs each: Student's t with 22 degrees of freedom.
+    assert np.abs(z).max() < student.isf(0.5 * (1 - (1 - 0.01 / 40) ** (1 / 3)), 22)
+
+
+def test_what_the_air_scatters_before_a_surface_is_a_layer_of_its_own():
+    wall = Shape("wall", rectangle((-9, 2, -9), (18, 0, 0), (0, 0, 18)), "black")
+    lit = air(Medium(0.3, WHITE, 0.2), {"lamp": PointLight((0.5, 0.5, 0.5), WHITE)}, wall)
+    seen = render(lit, AHEAD, samples=32, max_bounces=3)
+    np.testing.assert_allclose(seen.scattered, seen.radiance, rtol=1e-5)
+    assert seen.radiance.min() > 0 and np.abs(seen.diffuse).max() < 1e-5 * seen.radiance.max() and not seen.seen.any()
 
 
 def test_a_small_glowing_ball_lights_the_fog_like_a_point():

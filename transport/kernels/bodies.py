@@ -61,29 +61,32 @@ def _crossed(world, bodies, face, b1, b2, d):
 def fly(world, medium, bodies, body, buffer, s, u, state, o, d):
     """Follow a ray to its first collision, or to the first surface that is one to light.
 
-    Returns (is collision, face, b1, b2, distance, place of the collision, body then); face and distance as `first_hit`.
+    Returns (is collision, face, b1, b2, distance, place of the collision, body then, far); face and distance as `first_hit`,
+    and `far` is where the ray meets its first face, matched or not.
     """
-    travelled = 0.0
+    travelled = first = 0.0
     for k in range(_CROSSINGS):
         step = hash2(state, np.uint32(k))
         face, b1, b2, distance = first_hit(world, buffer, s, o, d)
         far = distance if face >= 0 or distance > 0.0 else FAR
         if k > 0:
             u = uniform(step, 1)
+        else:
+            first = far
         if body == _AIR:
             t = flight(medium, o, d, far, u, step)
         else:
             t = -math.log1p(-u) / bodies.sigma_t[body]
         if t < far:
-            return True, -1, 0.0, 0.0, travelled + t, (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]), body
+            return True, -1, 0.0, 0.0, travelled + t, (o[0] + t * d[0], o[1] + t * d[1], o[2] + t * d[2]), body, first
         if face < 0:
-            return False, -1, 0.0, 0.0, travelled + distance if distance > 0.0 else 0.0, o, body
+            return False, -1, 0.0, 0.0, travelled + distance if distance > 0.0 else 0.0, o, body, first
         matched, behind, body_then = _crossed(world, bodies, face, b1, b2, d)
         travelled += distance
         if not matched:
-            return False, face, b1, b2, travelled, o, body
+            return False, face, b1, b2, travelled, o, body, first
         o, body = behind, body_then
-    return False, -1, 0.0, 0.0, 0.0, o, body
+    return False, -1, 0.0, 0.0, 0.0, o, body, first
 
 
 @lean()

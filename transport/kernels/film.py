@@ -61,9 +61,8 @@ def expose(
                         sums[row, col, SQUARE + c] += e * e
                         sums[row, col, SPECULAR + c] += found.specular[c]
                         if found.first == LIGHT:
-                            sums[row, col, SEEN + c] += e
-                        elif found.first == PARTICLE:
-                            sums[row, col, SCATTERED + c] += e
+                            sums[row, col, SEEN + c] += e - found.scattered[c]
+                        sums[row, col, SCATTERED + c] += found.scattered[c]
                         sums[row, col, ALBEDO + c] += found.albedo[c]
                         sums[row, col, NORMAL + c] += found.normal[c]
                     if found.first == PARTICLE:

@@ -116,6 +116,12 @@ def num_lights(lights):
     return (1 if lights.panorama.shape[0] > 0 else 0) + others
 
 
+@lean()
+def first_point(lights):
+    """Return which light of `sample_light` is the first point."""
+    return (1 if lights.panorama.shape[0] > 0 else 0) + lights.suns.shape[0]
+
+
 @lean(error_model="numpy")
 def sample_light(lights, i, p, u0, u1):
     """Return (direction, distance, radiance over pdf, pdf) of light i as seen from p; the pdf of delta lights is infinite."""

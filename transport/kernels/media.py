@@ -108,6 +108,14 @@ def optical_depth(medium, o, d, t0, t1):
 
 
 @lean(error_model="numpy")
+def density_at(medium, p):
+    """Return the extinction at a point within the box, for kinds with a closed form [1/m]."""
+    if medium.kind == EVEN:
+        return medium.sigma_t
+    return medium.sigma_t * math.exp(-(p[2] - medium.base_z) / medium.scale_height)
+
+
+@lean(error_model="numpy")
 def _distance_of(medium, o, d, t0, tau):
     """Return the distance at which the optical depth from t0 is tau, FAR where it never is."""
     if medium.sigma_t <= 0.0:

@@ -18,6 +18,7 @@ from .airlight import airlight
 from .arrays import ONE_SIDED, SUN_POWER
 from .bodies import body_behind, fly, passage, scatter_in
 from .emitters import emitted, sphere_seen, surface_density
+from .equiangular import scattered_light, stretch
 from .first_surface import specular_part, specular_share, without_diffuse
 from .lights import environment_pdf, environment_radiance, num_lights, sample_light, sun_pdf
 from .media import tracking
@@ -42,6 +43,8 @@ from .visibility import first_hit, is_visible
 # Dimensions of the sampler: 0 is the pixel, then a block per bounce.
 _PER_BOUNCE = 16
 _FLIGHT, _CHOICE, _DIRECTION, _LOBE, _ROULETTE, _LIGHTS = 0, 1, 2, 3, 4, 5
+# Points of light in the air, apart from all bounces.
+_ANGLE = 1 << 20
 # What a path met first: light itself (a lamp, the sky, nothing), a surface, or a particle in a medium.
 LIGHT, SURFACE, PARTICLE = 0, 1, 2
 _BLACK = (0.0, 0.0, 0.0)
@@ -51,12 +54,13 @@ _ALL = (1.0, 1.0, 1.0)
 class Sample(NamedTuple):
     """What one path found; colours and vectors are 3-tuples.
 
-    `specular` is what of the radiance the first surface turned by its specular lobes; `albedo` and `normal` are that
-    surface's, 0 where the path met something else first.
+    `specular` is what of the radiance the first surface turned by its specular lobes, `scattered` what particles in the air turned
+    before any surface; `albedo` and `normal` are that surface's, 0 where the path met something else first.
     """
 
     radiance: tuple
     specular: tuple
+    scattered: tuple
     first: int
     albedo: tuple
     normal: tuple
@@ -213,7 +217,7 @@ def radiance(
     Specular light is a share of each estimate, that of the specular lobes in the first surface's f along its next
     direction: it costs no further path, and cannot exceed the whole.
     """
-    total = specular = albedo = shown = _BLACK
+    total = specular = scattered = albedo = shown = _BLACK
     beta = _ALL
     share = _BLACK  # of specular light in what is still to come: nothing before the first surface
     first = LIGHT
@@ -232,16 +236,30 @@ def radiance(
             face, b1, b2, distance = first_hit(world, buffer, s, o, d)
         else:
             u, state = draw1(stream, index, dimension + _FLIGHT), tracking(stream, index, dimension)
-            collided, face, b1, b2, distance, p, body = fly(world, medium, bodies, body, buffer, s, u, state, o, d)
+            started = body
+            collided, face, b1, b2, distance, p, body, far = fly(world, medium, bodies, body, buffer, s, u, state, o, d)
+            t0, t1 = 0.0, 0.0
+            if lights.points.shape[0] > 0 and bounce < max_bounces:
+                t0, t1 = stretch(medium, started, o, d, far)
+                if t0 < t1:
+                    v = draw1(stream, index, _ANGLE + dimension)
+                    at = (stream, index, _ANGLE + dimension + _LIGHTS, v, o, d, t0, t1)
+                    e = scattered_light(world, lights, medium, bodies, buffer, s, *at)
+                    total, specular = _gather(total, specular, beta, e, share, clamp if bounce > 0 else math.inf)
+                    if bounce == 0:
+                        scattered = total
+                    if distance > far:  # the particle is beyond another body's face, where nothing is drawn by angle
+                        t0, t1 = 0.0, 0.0
             if collided:
                 if bounce == 0:
                     first = PARTICLE
                 if bounce == max_bounces:
                     break
-                scattered, turns = scatter_in(medium, bodies, body)
-                beta = _times(beta, scattered)
+                albedo_there, turns = scatter_in(medium, bodies, body)
+                beta = _times(beta, albedo_there)
                 near, count = dimension + _LIGHTS, _PER_BOUNCE - _LIGHTS
-                e = airlight(world, lights, medium, bodies, body, buffer, s, stream, index, near, count, p, d)
+                at = (stream, index, near, count, p, o, d, distance, t0, t1)
+                e = airlight(world, lights, medium, bodies, body, buffer, s, *at)
                 total, specular = _gather(total, specular, beta, e, share, clamp if bounce > 0 else math.inf)
                 u0, u1 = draw2(stream, index, dimension + _DIRECTION)
                 turned = phase.sample(turns, d, u0, u1)
@@ -306,4 +324,6 @@ def radiance(
         o = leave(hit.p, hit.ng, d)
         if medium is not None and two_faced:
             body = body_behind(bodies, hit.material, hit.ng, d)
-    return Sample(total, specular, first, albedo, shown)
+    if first == PARTICLE:
+        scattered = total
+    return Sample(total, specular, scattered, first, albedo, shown)
