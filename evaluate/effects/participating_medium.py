@@ -13,6 +13,8 @@ from ..mismatch.effect import Effect, Parameter, Values
 from ..mismatch.formation import State, eyes, frame_of, open_sky, sight
 from ..mismatch.sensor_plane import offsets, wide_blur
 
+_KEPT = 3
+
 
 class ParticipatingMedium(Effect):
     id = "participating_medium"
@@ -62,13 +64,8 @@ class ParticipatingMedium(Effect):
         thin = sigma_t * (1 - forward)
         # What is turned little by the air still lights what the beam would have: it counts as not scattered at all.
         sigma_lamp = sigma_t * (1 - single * g**2)
-        through, lamp_light = np.empty((len(p), 3), np.float32), np.zeros((len(p), 3), np.float32)
-        lift = np.empty(len(p), np.float32)
+        through, lamp_light, lift = _scattered(case, state, distance, (thin, sigma_lamp, scale_height, base, g))
         frame = frame_of(case)
-        veil.veil(
-            eyes(case), frame, sight(case), distance, case.slots, state.lamps, thin, sigma_lamp, scale_height, base, g, 8,
-            through, lamp_light, lift,
-        )  # fmt: skip
         air = np.array([values[f"airlight.{c}"] for c in "rgb"], np.float32)
         if len(case.lamps):
             arriving = np.ones_like(state.visible)
@@ -94,3 +91,24 @@ class ParticipatingMedium(Effect):
             return (straight * picture + (1 - straight) * wide_blur(picture, sigma)).astype(np.float32)
 
         state.spread.append(blurred)
+
+
+def _scattered(
+    case: Case, state: State, distance: Floats, fog: tuple[float, float, float, float, float]
+) -> tuple[Floats, Floats, Floats]:
+    """Return (through (N, 3), light of lamps scattered once (N, 3), lift (N,)); the last few are kept.
+
+    Half of a fog's parameters change nothing of this, and a fit asks for it again with each of them.
+    """
+    kept = case.cache.setdefault("scattered", {})
+    key = (*fog, state.lamps.tobytes(), float(distance[case.pieces.shape < 0].sum()))
+    if key in kept:
+        kept[key] = kept.pop(key)
+        return kept[key]
+    n = len(case.pieces)
+    out = (np.empty((n, 3), np.float32), np.zeros((n, 3), np.float32), np.empty(n, np.float32))
+    veil.veil(eyes(case), frame_of(case), sight(case), distance, case.slots, state.lamps, *fog, 8, *out)
+    while len(kept) >= _KEPT:
+        kept.pop(next(iter(kept)))
+    kept[key] = out
+    return out

@@ -24,6 +24,9 @@ from .warp import first_piece
 logger = logging.getLogger("meniscus")
 # Of the excess: what edges and the weights' own noise take off chi-square where nothing is left.
 _SLACK = 0.05
+# What an approximation leaves over looks like no other effect: what explains this share of it was left out itself.
+_TELLING = 0.6
+_LEFT = 0.01
 # Pixels that are off together where a simulation itself is uncertain (`Case.shared_variance`).
 _TOGETHER = 25
 
@@ -160,7 +163,7 @@ def search(
         unique.sort(key=lambda m: m.total)
         finished += unique
         best = unique[0]
-        say("  " + " + ".join(_names(best)) + f": held-out chi-square {best.total / (weight > 0).sum():.4f}")
+        say("  " + " + ".join(names(best)) + f": held-out chi-square {best.total / (weight > 0).sum():.4f}")
         # What does not pay for itself will not be chosen, and is no ground to build on.
         near = [m for m in unique[: settings.branches] if m.excess < 3 * max(best.excess, 0) + 0.01]
         front = [m for m in near if m.excess < (1 - settings.least_share) * before[_key(m)]]
@@ -197,11 +200,18 @@ def roughness(model: Model) -> float:
     return max((t.effect.approximation for t in model.effects), default=0.0)
 
 
+def least_gain(start: Model, model: Model, settings: SearchSettings) -> float:
+    """Return what an effect more must gain, in chi-square a value: more than those of the model may be wrong by."""
+    rough = roughness(model) ** 2 * (start.total - model.total) / float((model.weight > 0).sum())
+    return max(settings.least_gain, min(rough, _TELLING * (max(model.excess, 0.0) + _LEFT)))
+
+
 def _key(model: Model) -> frozenset:
     return frozenset(t.key for t in model.effects)
 
 
-def _names(model: Model) -> list[str]:
+def names(model: Model) -> list[str]:
+    """Return the effects of a model with their targets, for people."""
     return [t.effect.id + (f"({t.target})" if t.target else "") for t in model.effects] or ["nothing"]
 
 
@@ -217,8 +227,7 @@ def _extend(
 ) -> list[Model]:
     """Return the models with one effect more that are better by enough."""
     case, weight = model.case, model.weight
-    n_all = float((weight > 0).sum())
-    least = max(settings.least_gain, roughness(model) ** 2 * (start.total - model.total) / n_all)
+    least = least_gain(start, model, settings)
     if model.effects and model.excess + _SLACK < least:
         return []
     frames = spread_frames(case, settings.screen_frames)
@@ -239,7 +248,9 @@ def _extend(
         if effect.id in joint and joint[effect.id] < settings.follow * best:
             continue
         promise = max(settings.follow * best, 0.3 * settings.least_gain) * n
-        fitted = _try(small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - promise, known=known)
+        fitted = try_effect(
+            small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - promise, known=known
+        )
         if fitted is None or fitted.iterations == 0:
             gain = 0.0
         else:
@@ -249,7 +260,7 @@ def _extend(
         best = max(best, gain)
         if fitted is None or fitted.iterations == 0:
             continue
-        trials.append(Trial(effect.id, target, tuple(_names(model)), gain, np.nan, False))
+        trials.append(Trial(effect.id, target, tuple(names(model)), gain, np.nan, False))
         if gain > 0.5 * settings.least_gain:
             tried.append((gain, effect, target, fitted))
     tried.sort(key=lambda t: -t[0])
@@ -258,12 +269,12 @@ def _extend(
     for gain, effect, target, small_fit in tried[: settings.finalists]:
         if gain < settings.follow * tried[0][0]:
             break
-        fitted = _try(case, weight, model.fit, full, effect, target, 10, small_fit.terms[-1])
+        fitted = try_effect(case, weight, model.fit, full, effect, target, 10, small_fit.terms[-1])
         if fitted is None:
             continue
         candidate = assess(case, weight, fitted)
         gain, sigmas = gain_of(case, weight, model, candidate)
-        trials.append(Trial(effect.id, target, tuple(_names(model)), gain, sigmas, True, candidate))
+        trials.append(Trial(effect.id, target, tuple(names(model)), gain, sigmas, True, candidate))
         if gain > least and sigmas > settings.sigmas:
             out.append(candidate)
     return out
@@ -310,7 +321,7 @@ def _cut(aux, keep: NDArray[np.bool_], new_row: NDArray):
     return aux
 
 
-def _try(
+def try_effect(
     case: Case, weight: Floats, base: Fit, about: Context, effect: Effect, target: str | None, iterations: int,
     guess: Term | None = None, hopeless: float = np.inf, known: NDArray[np.float32] | None = None,
 ) -> Fit | None:  # fmt: skip

@@ -13,27 +13,22 @@ from scipy.stats import norm
 
 from ..effects.catalogue import catalogue
 from ..effects.given import with_given
-from .attribute import Model, SearchSettings, Trial, assess, gain_of, is_noise, roughness, search
+from .attribute import Model, SearchSettings, Trial, assess, is_noise, search
 from .calibrate import calibrate, free_term, quiet_level, weigh
 from .case import Case, Floats, with_noise_times
-from .decoys import DecoyResult, decoy_term, decoys_for
+from .decoys import DecoyResult
 from .effect import Effect, Term
 from .locate import Dependence, dependences, located
 from .prove import HeldOut, prove
-from .settle import needs_settling, prepared, settle
-from .solve import Fit, by_frame, context, covariance, fit, predict
-from .tolerance import SAYS, calibrated_away, gain_over_calibration, is_tolerated
-
-Key = tuple[str, str | None]
-# (gain, sigmas) of each effect over a model without it.
-Losses = dict[Key, tuple[float, float]]
+from .refine import exchanged, polished, pruned, shown
+from .solve import Fit, by_frame, covariance, fit, predict
+from .tolerance import SAYS, calibrated_away
 
 logger = logging.getLogger("meniscus")
 _SIGMAS = 3.0
-# Stated and found noise may differ by this share without being called a mismatch: what renders the recording adds its own.
-_NOISE_SHARE = 0.06
-# Gain in chi-square a value that nothing within a calibration's tolerance has.
-_PLAIN = 0.3
+# Where found noise differs from what is stated by the first share, it is what everything is judged by; by the second, it is
+# called a mismatch: what renders the recording adds its own, a third of the noise at most.
+_NOISE_SHARE, _NOISE_NAMED = 0.06, 0.09
 
 
 @dataclass
@@ -119,7 +114,7 @@ def diagnose(
     say(f"calibrated: chi-square {first.total / (weight > 0).sum():.4f} a value, {found.mean():.1%} of the pixels located")
     # Even where nothing is located: fine and weak effects (blur) show in no average.
     base, best, trials = search(case, weight, fitted, effects, settings, say)
-    best = polished(best)
+    best = exchanged(case, base, polished(best), effects, settings, trials)
     best, losses = pruned(case, base, best, settings)
     say("holding what was found against smooth gains that are no physics")
     best, losses, decoys, unshown = shown(case, base, best, losses, settings)
@@ -136,7 +131,7 @@ def diagnose(
     if case.num_frames == 1:
         notes.append("One frame only: nothing could be held out, and what changes between frames cannot be seen.")
     noise_factor = level * best.white
-    noisy = stated and abs(noise_factor - 1) > _NOISE_SHARE and best.structure < 0.03 * best.white**2 + 0.01
+    noisy = stated and abs(noise_factor - 1) > _NOISE_NAMED and best.structure < 0.03 * best.white**2 + 0.01
     if noisy:
         findings.append(_noise_finding(best, noise_factor))
     # Another noise that the catalogue has no name for is left over all the same.
@@ -145,7 +140,7 @@ def diagnose(
     if not clean and case.traced and is_noise(calibrated_away(best)):
         clean = True
         notes.append(f"What remains is what a calibration leaves: {SAYS}.")
-    clean = clean and not (nameless and abs(noise_factor - 1) > _NOISE_SHARE)
+    clean = clean and not (nameless and abs(noise_factor - 1) > _NOISE_NAMED)
     if findings:
         verdict = "explained" if clean else "partly_explained"
     else:
@@ -179,106 +174,6 @@ def _calibrated(case: Case, stated: bool, say: Callable[[str], None]) -> tuple[C
     case = with_noise_times(case, level)
     weight = weigh(case, fitted.picture)
     return case, fit(case, weight, fitted.terms, 8), weight, level
-
-
-def polished(model: Model) -> Model:
-    """Return the model fitted to the end."""
-    if not model.effects:
-        return model
-    if needs_settling(model.terms):
-        return assess(*settle(model.case, model.terms, weigh, 2))
-    return assess(model.case, model.weight, fit(model.case, model.weight, model.terms, 15, 1e-6))
-
-
-def pruned(case: Case, base: Model, model: Model, settings: SearchSettings) -> tuple[Model, Losses]:
-    """Take out again what is not needed; return the model, and (gain, sigmas) of each effect over a model without it."""
-    n = float((model.weight > 0).sum())
-    while True:
-        losses, needless = {}, []
-        for t in model.effects:
-            others = [o for o in model.terms if o.key != t.key]
-            if len(model.effects) == 1:
-                less = base
-            elif t.effect.settles:
-                less = assess(case, base.weight, fit(case, base.weight, others, 8))
-            else:
-                less = assess(model.case, model.weight, fit(model.case, model.weight, others, 8))
-            gain, sigmas = losses[t.key] = gain_of(case, model.weight, less, model)
-            # Whatever order they were found in: what an effect gains has to be more than the others are rough by.
-            least = max(settings.least_gain, roughness(less) ** 2 * (base.total - less.total) / n)
-            if gain < least or sigmas < settings.sigmas:
-                needless.append(t.key)
-        if not needless or len(model.effects) < 2:
-            return model, losses
-        worst = min(needless, key=lambda k: losses[k][0])
-        kept = [t for t in model.terms if t.key != worst]
-        model = assess(model.case, model.weight, fit(model.case, model.weight, kept, 10))
-
-
-def shown(
-    case: Case, base: Model, model: Model, losses: Losses, settings: SearchSettings
-) -> tuple[Model, Losses, dict[Key, list[DecoyResult]], list[str]]:
-    """Drop what a decoy in wrong coordinates does better; return (model, losses, results of decoys by effect, notes)."""
-    notes: list[str] = []
-    while True:
-        model, losses, within = _beyond_tolerance(case, base, model, losses, settings)
-        notes += within
-        results = {t.key: _against_decoys(case, base, model, t) for t in model.effects}
-        beaten = [(t, r) for t in model.effects for r in results[t.key] if r.sigmas < -settings.sigmas]
-        if not beaten:
-            return model, losses, results, notes
-        term, rival = min(beaten, key=lambda b: b[1].gain)
-        place = f" on {term.target}" if term.target else ""
-        notes.append(f"{term.effect.id}{place} lowered the residual, but {rival.title} lowers it more: it is not shown.")
-        model, losses = _without(case, base, model, term, settings)
-
-
-def _beyond_tolerance(
-    case: Case, base: Model, model: Model, losses: Losses, settings: SearchSettings
-) -> tuple[Model, Losses, list[str]]:
-    """Drop what cameras and lamps explain as well that are off by no more than a calibration leaves."""
-    notes: list[str] = []
-    while case.traced:
-        for t in sorted(model.effects, key=lambda t: losses[t.key][0]):
-            if is_tolerated(case, t):
-                break
-            # What is plain to see was not left by a calibration.
-            if losses[t.key][0] > _PLAIN and t.effect.id not in ("pose_error", "light_position"):
-                continue
-            gain, sigmas = gain_over_calibration(case, base, model, t, weigh)
-            if gain < settings.least_gain or sigmas < settings.sigmas:
-                break
-        else:
-            return model, losses, notes
-        notes.append(f"{t.effect.id} is no more, or explains no more, than what a calibration leaves ({SAYS}): it is not named.")
-        model, losses = _without(case, base, model, t, settings)
-    return model, losses, notes
-
-
-def _without(case: Case, base: Model, model: Model, term: Term, settings: SearchSettings) -> tuple[Model, Losses]:
-    """Return the model without one of its effects, fitted and pruned again."""
-    kept = [t for t in model.terms if t.key != term.key]
-    less = base if len(kept) == 1 else assess(case, base.weight, fit(case, base.weight, prepared(case, kept, weigh), 10))
-    return pruned(case, base, polished(less), settings)
-
-
-def _against_decoys(case: Case, base: Model, model: Model, term: Term) -> list[DecoyResult]:
-    """Put each decoy into the place of an effect, and see what that costs on held-out frames."""
-    others = [t for t in model.terms if t.key != term.key]
-    # An effect that has moved things is replaced where they were.
-    around, weight = (case, base.weight) if term.effect.settles else (model.case, model.weight)
-    if term.effect.settles:
-        others = prepared(around, others, weigh)
-    about = context(around, weight, fit(around, weight, others, 0))
-    out = []
-    for decoy in decoys_for(term.effect):
-        rival = assess(around, weight, fit(around, weight, [*others, decoy_term(around, decoy, about)], 6))
-        gain, sigmas = gain_of(case, model.weight, rival, model)
-        if gain < 0:
-            # Losses in some blocks speak against what is judged: now that is the decoy.
-            sigmas = -gain_of(case, model.weight, model, rival)[1]
-        out.append(DecoyResult(decoy.title, gain, sigmas))
-    return out
 
 
 def _finding(case: Case, model: Model, t: Term, gain: float, sigmas: float) -> Finding:
