@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from materials.foundation.errors import InputError
-from scene.simulation import AddedEffect
+from scene.simulation import AddedEffect, PointLight, Simulation, SphereLight
 
 from ..mismatch.calibrate import weigh
 from ..mismatch.case import Case, with_believed, with_noise_times
@@ -15,6 +15,7 @@ from ..mismatch.effect import Effect, Parameter, Term, groups
 from ..mismatch.solve import context, fit
 from .defocus import Defocus
 from .interreflection import Interreflection
+from .light_extent import LightExtent, spheres
 from .saturation import Saturation
 from .sensor_response import PowerLaw
 
@@ -30,7 +31,8 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
     Raises
     ------
     InputError
-        If the simulation has a medium, or an effect that is unknown, lacks a parameter, or is not to be found in the world.
+        If the simulation has a medium, lamps of several sizes, or an effect that is unknown, lacks a parameter, or is not to
+        be found in the world.
     """
     simulation = case.simulation
     if simulation.medium is not None:
@@ -38,6 +40,9 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
         raise InputError("be null for a diagnosis", got="a medium", key="medium", remedy=remedy)
     case, others = _with_given_noise(case, simulation.effects)
     wanted: list[tuple[Effect, str | None, dict[str, Any]]] = []
+    radius = _radius(simulation)
+    if radius is not None and simulation.transport.shadows:
+        wanted.append((LightExtent(radius), None, {"radius": radius}))
     if simulation.transport.max_bounces > 1:
         wanted.append((Interreflection(first=1), None, {"bounces": float(simulation.transport.max_bounces)}))
     lens, sensor = simulation.lens, simulation.sensor
@@ -55,6 +60,19 @@ def with_given(case: Case, effects: dict[str, Effect]) -> Case:
         case = with_believed(case, given)
         given = (*given, _term(case, effect, target, values))
     return with_believed(case, given) if given else case
+
+
+def _radius(simulation: Simulation) -> float | None:
+    """Return the radius [m] of the spheres of light, None if there are none."""
+    balls = spheres(simulation)
+    if not balls:
+        return None
+    (first, ball), *_ = balls.items()
+    for name, light in simulation.lights.items():
+        if isinstance(light, PointLight) or (isinstance(light, SphereLight) and light.radius != ball.radius):
+            got = light.radius if isinstance(light, SphereLight) else "a point"
+            raise InputError(f"have the radius of {first}, {ball.radius:g} m, to be diagnosed", got=got, key=f"lights.{name}")
+    return ball.radius
 
 
 def _with_given_noise(case: Case, effects: tuple[AddedEffect, ...]) -> tuple[Case, list[tuple[int, AddedEffect]]]:

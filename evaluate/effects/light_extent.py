@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+
+from scene.simulation import PointLight, Simulation, SphereLight
 
 from ..kernels import shadows
 from ..kernels.fragments import LAMP_KIND, LAMP_PLACE, POINT
@@ -23,11 +26,16 @@ class LightExtent(Effect):
     coordinates = "surface"
     approximation = 0.1
 
+    def __init__(self, largest: float | None = None) -> None:
+        """Take the largest radius that is thought of [m], by default a quarter of the lamps' distance."""
+        self.largest = largest
+
     def targets(self, case: Case) -> list[str | None]:
-        return [None] if np.any(case.lamps[:, LAMP_KIND] == POINT) and case.simulation.transport.shadows else []
+        points = np.any(case.lamps[:, LAMP_KIND] == POINT)
+        return [None] if points and case.simulation.transport.shadows and not spheres(case.simulation) else []
 
     def _reach(self, case: Case) -> float:
-        return 0.25 * float(np.median(np.linalg.norm(case.lamps[:, LAMP_PLACE : LAMP_PLACE + 3], axis=1)))
+        return self.largest or 0.25 * float(np.median(np.linalg.norm(case.lamps[:, LAMP_PLACE : LAMP_PLACE + 3], axis=1)))
 
     def parameters(self, case: Case, target: str | None) -> tuple[Parameter, ...]:
         reach = self._reach(case)
@@ -63,3 +71,16 @@ class LightExtent(Effect):
         for s, (rows, lamp, point) in enumerate(aux):
             change = self._share(case, state.lamps, rows, lamp, values["radius"], 7) - point
             state.visible[rows, s] = np.clip(state.visible[rows, s] + change, 0, 1)
+
+    def corrected(self, case: Case, simulation: Simulation, values: Values, target: str | None, aux: Any) -> Simulation | None:
+        radius = float(values["radius"])
+        lights = {
+            name: SphereLight(light.position, radius, light.intensity) if isinstance(light, PointLight) else light
+            for name, light in simulation.lights.items()
+        }
+        return replace(simulation, lights=lights)
+
+
+def spheres(simulation: Simulation) -> dict[str, SphereLight]:
+    """Return the lights of a simulation that are spheres."""
+    return {name: light for name, light in simulation.lights.items() if isinstance(light, SphereLight)}

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from scene.simulation import DirectionalLight, PointLight, Simulation
+from scene.simulation import DirectionalLight, PointLight, Simulation, SphereLight
 
 from ..kernels.fragments import LAMP_KIND, LAMP_PLACE, POINT
 from ..mismatch.case import Case
@@ -50,7 +50,7 @@ class LightPosition(Effect):
         lights = dict(simulation.lights)
         for name in case.lamp_names:
             light, d = lights[name], np.array([values.get(f"{a}.{name}", 0.0) for a in ("dx", "dy", "dz")])
-            if isinstance(light, PointLight):
+            if isinstance(light, PointLight | SphereLight):
                 lights[name] = replace(light, position=rgb(np.array(light.position) + d))
             elif isinstance(light, DirectionalLight):
                 lights[name] = replace(light, direction=rgb(np.array(light.direction) - d))

@@ -18,7 +18,7 @@ from scene.camera import Camera
 from scene.images import read_image
 from scene.mesh import Mesh
 from scene.recording import Frame, Noise, Recording, read_recording, select_frames
-from scene.simulation import DirectionalLight, EnvironmentLight, Material, PointLight, Simulation
+from scene.simulation import DirectionalLight, EnvironmentLight, Material, PointLight, Simulation, SphereLight
 from scene.simulation_file import read_simulation
 from transport.world import World, compile_world
 
@@ -219,11 +219,12 @@ def build(recording: Recording, simulation: Simulation, file: Path | None = None
 def _build(recording: Recording, simulation: Simulation) -> Case:
     if not recording.frames:
         raise InputError("hold at least one frame", got="none", key="frames")
-    names = [n for n, light in simulation.lights.items() if isinstance(light, PointLight | DirectionalLight)]
-    other = [n for n, light in simulation.lights.items() if not isinstance(light, PointLight | DirectionalLight | EnvironmentLight)]
+    lamps = (PointLight, SphereLight, DirectionalLight)
+    names = [n for n, light in simulation.lights.items() if isinstance(light, lamps)]
+    other = [n for n, light in simulation.lights.items() if not isinstance(light, (*lamps, EnvironmentLight))]
     if other:
-        remedy = "Put a point light in its place: `light_extent` tells whether it has one."
-        raise InputError("be a point, directional or environment light", key=f"lights.{other[0]}", remedy=remedy)
+        remedy = "Put a sphere, or a point, of light in its place: `light_extent` tells whether it has one."
+        raise InputError("be a point, sphere, directional or environment light", key=f"lights.{other[0]}", remedy=remedy)
     _check_diagnosable(simulation)
     skies = {n for n, light in simulation.lights.items() if isinstance(light, EnvironmentLight)}
     lit = [_lit(f, i, simulation) for i, f in enumerate(recording.frames)]
@@ -305,11 +306,11 @@ def _numbers(keys: list) -> NDArray[np.int64]:
 
 
 def lamp_table(simulation: Simulation, names: list[str]) -> NDArray[np.float64]:
-    """Return point and directional lights as rows (L, 7) of `kernels.fragments`."""
+    """Return lamps as rows (L, 7) of `kernels.fragments`; of a sphere of light, its centre."""
     rows = np.zeros((len(names), kernel.NUM_LAMP))
     for row, name in zip(rows, names, strict=True):
         light = simulation.lights[name]
-        if isinstance(light, PointLight):
+        if isinstance(light, PointLight | SphereLight):
             row[:] = [kernel.POINT, *light.position, *light.intensity]
         elif isinstance(light, DirectionalLight):
             towards = -np.array(light.direction, np.float64)

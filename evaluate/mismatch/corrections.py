@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, zoom
 
 from materials.foundation.errors import InputError
-from scene.simulation import RGB, DirectionalLight, EnvironmentLight, Light, Material, PointLight, Simulation, Texture
+from scene.simulation import RGB, DirectionalLight, EnvironmentLight, Light, Material, PointLight, Simulation, SphereLight, Texture
 
 from .case import Case, Floats
 from .surface_map import BINS, bins, gathered, looked_up, pieces_of
@@ -42,7 +42,7 @@ def _scaled(light: Light, factor: NDArray) -> Light:
         return replace(light, irradiance=rgb(np.array(light.irradiance) * factor))
     if isinstance(light, EnvironmentLight):
         return replace(light, radiance=rgb(np.array(light.radiance) * factor))
-    assert isinstance(light, PointLight)
+    assert isinstance(light, PointLight | SphereLight)
     return replace(light, intensity=rgb(np.array(light.intensity) * factor))
 
 

@@ -9,12 +9,13 @@ import pytest
 
 from evaluate.effects import catalogue
 from evaluate.effects.given import with_given
+from evaluate.effects.light_extent import LightExtent
 from evaluate.mismatch.calibrate import calibrate
 from evaluate.mismatch.case import build
 from evaluate.mismatch.diagnose import diagnose
 from evaluate.mismatch.outputs import write_diagnosis
 from materials.foundation.errors import InputError
-from scene.simulation import AddedEffect, Lens, Medium, Sensor, Transport
+from scene.simulation import AddedEffect, Lens, Medium, Sensor, SphereLight, Transport
 from scene.simulation_file import read_simulation
 
 from .worlds import recorded, simulation
@@ -48,6 +49,21 @@ def test_a_corrected_simulation_explains_the_recording(tmp_path, effect, values,
     before, after = chi2(case), chi2(build(case.recording, corrected))
     assert before > 1.1
     assert 0.9 < after < 1.05
+
+
+def test_lamps_that_have_an_extent_are_written_back_as_spheres_of_one_size(tmp_path):
+    case = recorded(tmp_path, simulation(), {})
+    corrected = LightExtent().corrected(case, case.simulation, {"radius": 0.1}, None, None)
+    assert corrected is not None
+    given = with_given(build(case.recording, corrected), {})
+    assert [(t.effect.id, t.values) for t in given.believed] == [("light_extent", {"radius": 0.1})]
+    # What is believed is not looked for again.
+    assert LightExtent().targets(given) == []
+    (name, first), *_ = corrected.lights.items()
+    assert isinstance(first, SphereLight)
+    mixed = replace(corrected, lights=corrected.lights | {name: replace(first, radius=0.2)})
+    with pytest.raises(InputError, match=r"lights.lamp1 must have the radius of lamp0, 0.2 m, to be diagnosed, got 0.1"):
+        with_given(build(case.recording, mixed), {})
 
 
 def test_a_bent_lens_is_traced_and_written_back(tmp_path):

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from evaluate.effects import catalogue
+from evaluate.effects.given import with_given
 from evaluate.mismatch import formation
-from evaluate.mismatch.case import Case
+from evaluate.mismatch.case import Case, build
+from evaluate.mismatch.solve import predict
 from evaluate.mismatch.warp import first_piece, moved
-from scene.simulation import Medium
+from scene.simulation import Medium, PointLight, SphereLight
 from transport.render import render
 from transport.world import compile_world
 
@@ -42,6 +44,26 @@ def test_direct_light_is_what_the_path_tracer_finds(case):
     # is there; Monte Carlo noise comes on top. Five standard deviations for some 6000 values.
     allowed = 5 * np.sqrt(traced.variance) + 0.004 * traced.radiance.max()
     assert np.all(np.abs(ours[frame] - traced.radiance)[~edge] < allowed[~edge])
+
+
+def test_the_shadows_of_spheres_of_light_are_those_of_the_path_tracer(case):
+    points = simulation()
+    lamps = {n: SphereLight(p.position, 0.25, p.intensity) for n, p in points.lights.items() if isinstance(p, PointLight)}
+    recording, frame = case.recording, 4
+    given = with_given(build(recording, replace(points, lights=dict(lamps))), {})
+    soft, hard = (predict(c, [])[2][frame] for c in (given, build(recording, points)))
+    lit = recording.frames[frame].lights
+    assert lit is not None
+    traced = render(compile_world(replace(points, lights={n: lamps[n] for n in lit})), given.cameras[frame], 256, 3, 1)
+
+    # Means over 4 x 4 pixels; edges and textures within a pixel are taken as they come.
+    def tiles(image):
+        return image.reshape(12, 4, 16, 4, 3).mean(axis=(1, 3))
+
+    allowed = 5 * np.sqrt(tiles(traced.variance) / 16) + 0.02 * traced.radiance.max()
+    assert np.all(np.abs(tiles(soft) - tiles(traced.radiance)) < allowed)
+    # Points of light cast other shadows.
+    assert np.any(np.abs(tiles(hard) - tiles(traced.radiance)) > 2 * allowed)
 
 
 def test_bounced_light_is_what_the_path_tracer_adds(case):
