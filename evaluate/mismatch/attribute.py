@@ -13,13 +13,12 @@ from materials.foundation.progress import tracked
 
 from .blocks import surely
 from .calibrate import weigh, white_level
-from .case import Case, Floats, subset, with_believed
-from .effect import Context, Effect, Term, shape_index
+from .case import Case, Floats
+from .effect import Effect, Term
 from .locate import largest_tile, structure
-from .settle import completed, needs_settling, settle
-from .solve import Fit, context, derivatives, fit, held_out, predict
-from .surface_map import refined_mask
-from .warp import first_piece
+from .settle import needs_settling, settle
+from .solve import Fit, context, held_out
+from .trying import screen, try_effect
 
 logger = logging.getLogger("meniscus")
 # Of the excess: what edges and the weights' own noise take off chi-square where nothing is left.
@@ -177,24 +176,6 @@ def is_noise(model: Model) -> bool:
     return model.structure < 0.004 + chance + model.case.shared_variance and model.worst < 6.5
 
 
-def spread_frames(case: Case, most: int) -> NDArray[np.int64]:
-    """Return frames that show as many lamps and poses as possible."""
-    if case.num_frames <= most:
-        return np.arange(case.num_frames)
-    chosen: list[int] = []
-    lit = np.zeros(case.lit.max() + 1)
-    pose = np.zeros(case.pose.max() + 1)
-    even = np.linspace(0, case.num_frames - 1, most).round()
-    for _ in range(most):
-        cost = lit[case.lit] + pose[case.pose] + 0.001 * np.abs(np.arange(case.num_frames) - even[len(chosen)])
-        cost[chosen] = np.inf
-        f = int(np.argmin(cost))
-        chosen.append(f)
-        lit[case.lit[f]] += 1
-        pose[case.pose[f]] += 1
-    return np.array(sorted(chosen))
-
-
 def roughness(model: Model) -> float:
     """Return how much of the amplitude of a model's effects may be left over without being an effect: they are approximations."""
     return max((t.effect.approximation for t in model.effects), default=0.0)
@@ -230,39 +211,26 @@ def _extend(
     least = least_gain(start, model, settings)
     if model.effects and model.excess + _SLACK < least:
         return []
-    frames = spread_frames(case, settings.screen_frames)
-    small = _few(case, frames) if len(frames) < case.num_frames else case
+    small = screen(case, weight, model.terms, settings.screen_frames)
     have = {t.key for t in model.effects}
-    small_weight = weight[frames]
-    small_base = fit(small, small_weight, _carried(case, small, frames, model.terms), 2)
-    small_model = assess(small, small_weight, small_base)
-    about = context(small, small_weight, small_base)
-    known = derivatives(small, small_base.terms, small_base.columns, *predict(small, small_base.terms))
     tried: list[tuple[float, Effect, str | None, Fit]] = []
     pairs = [(e, t) for e in effects for t in e.targets(case) if (e.id, t) not in have]
-    n = float((small_weight > 0).sum())
     joint: dict[str, float] = {}
     best = 0.0
     for effect, target in tracked(pairs, "trying effects" if depth == 0 else f"trying effect {depth + 1}"):
         # What all targets together cannot explain, one of them cannot.
         if effect.id in joint and joint[effect.id] < settings.follow * best:
             continue
-        promise = max(settings.follow * best, 0.3 * settings.least_gain) * n
-        fitted = try_effect(
-            small, small_weight, small_base, about, effect, target, 3, hopeless=small_base.total - promise, known=known
-        )
-        if fitted is None or fitted.iterations == 0:
-            gain = 0.0
-        else:
-            gain = (small_model.total - float(held_out(small, fitted).sum())) / n
+        found = small.tried(effect, target, max(settings.follow * best, 0.3 * settings.least_gain) * small.num_values)
+        gain = 0.0 if found is None else found[0]
         if target is None:
             joint[effect.id] = gain
         best = max(best, gain)
-        if fitted is None or fitted.iterations == 0:
+        if found is None:
             continue
         trials.append(Trial(effect.id, target, tuple(names(model)), gain, np.nan, False))
         if gain > 0.5 * settings.least_gain:
-            tried.append((gain, effect, target, fitted))
+            tried.append((gain, effect, target, found[1]))
     tried.sort(key=lambda t: -t[0])
     out = []
     full = context(case, weight, model.fit)
@@ -278,110 +246,6 @@ def _extend(
         if gain > least and sigmas > settings.sigmas:
             out.append(candidate)
     return out
-
-
-def _few(case: Case, frames: NDArray) -> Case:
-    small = subset(case, frames)
-    return with_believed(small, tuple(_carried(case, small, frames, list(case.believed))))
-
-
-def _carried(case: Case, small: Case, frames: NDArray, terms: list[Term]) -> list[Term]:
-    """Return terms for a subset of the frames: what was prepared for pieces and frames is cut to them."""
-    out = []
-    size = case.size[0] * case.size[1]
-    keep = np.isin(case.pieces.pixel // size, frames)
-    new_row = np.cumsum(keep) - 1
-    for t in terms:
-        values = {}
-        for p in t.parameters:
-            v = t.values[p.name]
-            if p.per == "frame":
-                v = np.asarray(v)[frames]
-            elif p.per == "pose":
-                v = np.array([np.asarray(v)[case.pose[frames[small.pose == g][0]]] for g in range(small.pose.max() + 1)])
-            values[p.name] = v
-        aux = t.effect.of_frames(t.aux, frames)
-        out.append(Term(t.effect, t.target, _cut(aux, keep, new_row), t.parameters, values))
-    return out
-
-
-def _cut(aux, keep: NDArray[np.bool_], new_row: NDArray):
-    """Cut what an effect prepared to the pieces of fewer frames: arrays with one row a piece, and lists of their rows."""
-    if isinstance(aux, np.ndarray) and len(aux) == len(keep):
-        return aux[keep]
-    if isinstance(aux, dict) and "own" not in aux:
-        return {k: _cut(v, keep, new_row) for k, v in aux.items()}
-    if isinstance(aux, dict):
-        held = keep[aux["own"]]
-        cut = {k: v[held] if isinstance(v, np.ndarray) and len(v) == len(held) else v for k, v in aux.items()}
-        cut["own"] = new_row[aux["own"][held]]
-        return cut
-    if isinstance(aux, list) and aux and isinstance(aux[0], tuple) and isinstance(aux[0][0], np.ndarray):
-        return [(new_row[r[keep[r]]], *(o[keep[r]] for o in others)) for r, *others in aux]
-    return aux
-
-
-def try_effect(
-    case: Case, weight: Floats, base: Fit, about: Context, effect: Effect, target: str | None, iterations: int,
-    guess: Term | None = None, hopeless: float = np.inf, known: NDArray[np.float32] | None = None,
-) -> Fit | None:  # fmt: skip
-    """Return the fit of a model with one effect more, from the best of its first guesses; None where it has no place."""
-    aux = effect.prepare(case, target, about)
-    if aux is False:
-        return None
-    parameters = effect.parameters(case, target)
-    starts = effect.starts(case, target, aux)
-    if guess is not None:
-        # A lamp that is on in none of the few frames has no guess from them.
-        whole = {p.name: guess.values[p.name] for p in parameters if p.per == "" and p.name in guess.values}
-        starts = [{**s, **whole} for s in starts[:1]] if whole else starts
-    best = None
-    for s in starts:
-        term = Term(effect, target, aux, parameters, {k: np.asarray(v, float) for k, v in s.items()})
-        fitted = fit(case, weight, [*base.terms, term], 2 if len(starts) > 1 else iterations, hopeless=hopeless, known=known)
-        if fitted.iterations == 0 and best is not None:
-            continue
-        if best is None or best.iterations == 0 or fitted.total < best.total:
-            best = fitted
-    if best is not None and best.iterations > 0 and len(starts) > 1:
-        best = fit(case, weight, best.terms, iterations, known=known)
-    if best is not None and guess is not None and effect.on_region:
-        best = with_better_masks(case, weight, best)
-    if best is not None and guess is not None and effect.prepares_again:
-        terms = [t.copy() for t in best.terms]
-        terms[-1].aux = effect.prepare(case, target, context(case, weight, best))
-        again = fit(case, weight, terms, iterations)
-        best = again if again.total < best.total else best
-    if best is not None and guess is not None and effect.completes:
-        for _ in range(3):
-            again = fit(case, weight, [*best.terms[:-1], completed(case, weight, best.terms)], iterations)
-            done = again.total > 0.999 * best.total
-            best = again if again.total < best.total else best
-            if done:
-                break
-    return best
-
-
-def with_better_masks(case: Case, weight: Floats, fitted: Fit, rounds: int = 3) -> Fit:
-    """Return the fit with the masks of its terms refined, each as long as that helps."""
-    for key in [t.key for t in fitted.terms if t.effect.on_region]:
-        for _ in range(rounds):
-            terms = [t.copy() for t in fitted.terms]
-            term, eps = next(t for t in terms if t.key == key), np.float32(0.05)
-            shape, mask = shape_index(case, term.target), term.aux
-            term.aux = np.where(case.pieces.shape == shape, mask - np.sign(mask - 0.5) * eps, 0).astype(np.float32)
-            step = np.where(mask > 0.5, -eps, eps)
-            changed = predict(case, terms)[2]
-            # A pixel is mostly one piece: that piece's step is the pixel's.
-            by = step[first_piece(case)].reshape(*case.valid.shape, 1)
-            derivative = ((changed - fitted.picture) / by).astype(np.float32)
-            term.aux = refined_mask(case, shape, mask, context(case, weight, fitted), derivative)
-            better = fit(case, weight, terms, 4)
-            done = better.total > 0.999 * fitted.total
-            fitted = better if better.total < fitted.total else fitted
-            if done:
-                break
-    return fitted
 
 
 def _choose(case: Case, weight: Floats, models: list[Model], settings: SearchSettings) -> Model:

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .attribute import Model, with_better_masks
+from .attribute import Model
 from .calibrate import weigh
 from .case import Case, Floats
 from .settle import prepared
 from .solve import fit, halves, predict
+from .trying import with_better_masks
 
 _SHARE = 0.25
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .attribute import Model, SearchSettings, Trial, assess, gain_of, least_gain, names, try_effect
+from .attribute import Model, SearchSettings, Trial, assess, gain_of, least_gain, names, roughness
 from .calibrate import weigh
 from .case import Case, Floats
 from .decoys import DecoyResult, decoy_term, decoys_for
@@ -10,6 +10,7 @@ from .effect import Effect, Term
 from .settle import needs_settling, prepared, settle
 from .solve import context, fit
 from .tolerance import SAYS, gain_over_calibration, is_tolerated
+from .trying import screen, try_effect
 
 Key = tuple[str, str | None]
 # (gain, sigmas) of each effect over a model without it.
@@ -20,6 +21,10 @@ _PLAIN = 0.3
 # What each parameter has to pay for itself where one effect is put in another's place, of the least gain of an effect.
 _PAY = 0.1
 _EXCHANGES = 3
+# What is to take the place of an effect must gain this share of what that gains, on a few frames.
+_NEAR = 0.8
+# Share of what an effect gains that its freedom may owe to the roughness of others.
+_MAKES_UP = 0.005
 
 
 def polished(model: Model) -> Model:
@@ -37,49 +42,78 @@ def exchanged(case: Case, base: Model, model: Model, effects: list[Effect], sett
     The search goes on from what gains most: fog, which can lift shadows and blur lights as well. Once the rest is known,
     light from all around or glare may do all that is left of it. What was tried joins `trials`.
     """
+    seen = {_key(model)}
     for _ in range(_EXCHANGES):
-        best = model
+        best, worth = None, _cost(model, settings) - _PAY * settings.least_gain
         for t in model.effects:
-            for candidate in _rivals(case, base, model, t, effects, trials):
-                if _cost(candidate, settings) < _cost(best, settings) - _PAY * settings.least_gain:
-                    best = candidate
-        if best is model:
+            candidates = [c for c in _rivals(case, base, model, t, effects, settings, trials) if _key(c) not in seen]
+            slack = _slack(base, model, t) if candidates else 0.0
+            for c in candidates:
+                cost = _cost(c, settings) - (slack if _freedom(c) < _freedom(model) else 0.0)
+                if cost < worth:
+                    best, worth = c, cost
+        if best is None:
             break
         model = best
+        seen.add(_key(model))
     return model
 
 
+def _key(model: Model) -> frozenset[Key]:
+    return frozenset(t.key for t in model.effects)
+
+
+def _freedom(model: Model) -> int:
+    return sum(len(t.parameters) for t in model.effects)
+
+
 def _cost(model: Model, settings: SearchSettings) -> float:
-    freedom = sum(len(t.parameters) for t in model.effects)
-    return model.total / (model.weight > 0).sum() + _PAY * settings.least_gain * freedom
+    return model.total / (model.weight > 0).sum() + _PAY * settings.least_gain * _freedom(model)
 
 
-def _rivals(case: Case, base: Model, model: Model, term: Term, effects: list[Effect], trials: list[Trial]) -> list[Model]:
+def _slack(base: Model, model: Model, term: Term) -> float:
+    """Return what a term's freedom may gain without being needed: it makes up for what the other effects are rough by."""
+    n = float((model.weight > 0).sum())
+    others = [t for t in model.terms if t.key != term.key]
+    less = assess(model.case, model.weight, fit(model.case, model.weight, others, 3))
+    return max(min(roughness(less) ** 2 * (base.total - less.total), _MAKES_UP * (less.total - model.total)) / n, 0.0)
+
+
+def _rivals(
+    case: Case, base: Model, model: Model, term: Term, effects: list[Effect], settings: SearchSettings, trials: list[Trial]
+) -> list[Model]:
     """Return the models with an effect that is taken for a term's in its place, as far as they come near."""
+    rest = frozenset(t.key for t in model.effects if t.key != term.key)
+    rivals = {
+        rest | {(e.id, target)}: (e, target)
+        for e in effects
+        if e.id != term.effect.id and (e.id in term.effect.taken_for or term.effect.id in e.taken_for)
+        for targets in [e.targets(case)]
+        for target in ([term.target] if term.target in targets else targets)
+        if (e.id, target) not in rest
+    }
+    # What the search has fitted already is not fitted anew.
+    known = {_key(trial.model): trial.model for trial in trials if trial.model is not None}
+    near = [known[key] for key in rivals if key in known]
+    fresh = [pair for key, pair in rivals.items() if key not in known]
     others, around, weight = _others(case, base, model, term)
-    less = assess(around, weight, fit(around, weight, others, 6))
-    about, gain = context(around, weight, less.fit), less.total - model.total
-    have = {t.key for t in model.effects}
-    out = []
-    for effect in effects:
-        if effect.id == term.effect.id or not (effect.id in term.effect.taken_for or term.effect.id in effect.taken_for):
-            continue
-        targets = effect.targets(around)
-        for target in [term.target] if term.target in targets else targets:
-            if (effect.id, target) in have:
+    less = assess(around, weight, fit(around, weight, others, 6)) if fresh else base
+    if fresh:
+        about = context(around, weight, less.fit)
+        small = screen(around, weight, less.terms, settings.screen_frames)
+        goal = small.tried(term.effect, term.target, 0.0)
+        for effect, target in fresh:
+            found = small.tried(effect, target, _NEAR * (goal[0] if goal else 0.0) * small.num_values)
+            if found is None or (goal and found[0] < _NEAR * goal[0]):
                 continue
-            first = try_effect(around, weight, less.fit, about, effect, target, 5, hopeless=model.total + 0.5 * gain)
-            if first is None or first.iterations == 0 or first.total > model.total + 0.2 * gain:
-                continue
-            again = try_effect(around, weight, less.fit, about, effect, target, 10, first.terms[-1])
-            if again is None:
-                continue
-            candidate = assess(around, weight, again)
-            if needs_settling(again.terms) or candidate.total < model.total + 0.02 * gain:
-                candidate = polished(candidate)
-            trials.append(Trial(effect.id, target, tuple(names(less)), *gain_of(case, weight, less, candidate), True, candidate))
-            out.append(candidate)
-    return out
+            fitted = try_effect(around, weight, less.fit, about, effect, target, 10, found[1].terms[-1])
+            if fitted is not None:
+                rival = assess(around, weight, fitted)
+                gain = gain_of(case, weight, less, rival)
+                trials.append(Trial(effect.id, target, tuple(names(less)), *gain, True, rival))
+                near.append(rival)
+    close = 0.03 * (base.total - model.total)
+    return [polished(m) for m in near if needs_settling(m.terms) or m.total < model.total + close]
 
 
 def pruned(case: Case, base: Model, model: Model, settings: SearchSettings) -> tuple[Model, Losses]:

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 
 from evaluate.effects import catalogue
-from evaluate.mismatch.attribute import SearchSettings, assess, least_gain, try_effect
+from evaluate.mismatch.attribute import SearchSettings, assess, least_gain
 from evaluate.mismatch.calibrate import calibrate
 from evaluate.mismatch.refine import exchanged
 from evaluate.mismatch.solve import context
+from evaluate.mismatch.trying import try_effect
 
 from .worlds import recorded, simulation
 
