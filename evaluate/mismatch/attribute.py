@@ -183,8 +183,12 @@ def roughness(model: Model) -> float:
 
 def least_gain(start: Model, model: Model, settings: SearchSettings) -> float:
     """Return what an effect more must gain, in chi-square a value: more than those of the model may be wrong by."""
-    rough = roughness(model) ** 2 * (start.total - model.total) / float((model.weight > 0).sum())
-    return max(settings.least_gain, min(rough, _TELLING * (max(model.excess, 0.0) + _LEFT)))
+    return max(settings.least_gain, min(rough_by(start, model), _TELLING * (max(model.excess, 0.0) + _LEFT)))
+
+
+def rough_by(start: Model, model: Model) -> float:
+    """Return the chi-square a value that a model's effects may leave over for being approximations."""
+    return roughness(model) ** 2 * (start.total - model.total) / float((model.weight > 0).sum())
 
 
 def _key(model: Model) -> frozenset:
@@ -209,7 +213,8 @@ def _extend(
     """Return the models with one effect more that are better by enough."""
     case, weight = model.case, model.weight
     least = least_gain(start, model, settings)
-    if model.effects and model.excess + _SLACK < least:
+    # Far less is left than the model's effects may be wrong by: nothing more could be told.
+    if model.effects and model.excess + _SLACK < max(least, rough_by(start, model)):
         return []
     small = screen(case, weight, model.terms, settings.screen_frames)
     have = {t.key for t in model.effects}
@@ -221,7 +226,7 @@ def _extend(
         # What all targets together cannot explain, one of them cannot.
         if effect.id in joint and joint[effect.id] < settings.follow * best:
             continue
-        found = small.tried(effect, target, max(settings.follow * best, 0.3 * settings.least_gain) * small.num_values)
+        found = small.tried(effect, target, max(settings.follow * best, 0.3 * least) * small.num_values)
         gain = 0.0 if found is None else found[0]
         if target is None:
             joint[effect.id] = gain
@@ -229,7 +234,7 @@ def _extend(
         if found is None:
             continue
         trials.append(Trial(effect.id, target, tuple(names(model)), gain, np.nan, False))
-        if gain > 0.5 * settings.least_gain:
+        if gain > 0.5 * least:
             tried.append((gain, effect, target, found[1]))
     tried.sort(key=lambda t: -t[0])
     out = []
