@@ -62,7 +62,7 @@ def render_measured(
     b1, b2, distance = coordinates[seen].T
     shares = np.stack([1 - b1 - b2, b1, b2], axis=1)
     places = origins[seen] + distance[:, None] * directions[seen]
-    frame, ng = _frames(mesh, corners, shares)
+    frame, ng = surface_frames(mesh, corners, shares)
     wo = np.einsum("qab,qa->qb", frame, -directions[seen])
     uv = np.einsum("qk,qkc->qc", shares, mesh.uv[corners].astype(np.float64)) * repeats
     total = np.zeros((len(seen), 3))
@@ -79,7 +79,7 @@ def render_measured(
     return out
 
 
-def _frames(mesh: Mesh, corners: NDArray[np.int64], shares: Floats) -> tuple[Floats, Floats]:
+def surface_frames(mesh: Mesh, corners: NDArray[np.int64], shares: Floats) -> tuple[Floats, Floats]:
     """Return frames (Q, 3, 3) with columns x, y, n, and geometric normals on the side of n."""
     assert mesh.normals is not None and mesh.uv is not None
     n = np.einsum("qk,qkc->qc", shares, mesh.normals[corners].astype(np.float64))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .settings import FittedMaterialsSettings, TrueWetSettings, WetterSettings
+from .settings import FittedMaterialsSettings, ReflectanceFieldsSettings, TrueWetSettings, WetterSettings
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,11 @@ class Recipe:
 
 
 RECIPES: dict[str, Recipe] = {
+    "reflectance-fields": Recipe(
+        "reflectance_fields",
+        ReflectanceFieldsSettings,
+        "Do flow algorithms see measured reflectance fields as they see the real objects, and textures too (chapter 4)?",
+    ),
     "fitted-materials": Recipe(
         "fitted_materials",
         FittedMaterialsSettings,

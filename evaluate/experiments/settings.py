@@ -71,3 +71,33 @@ class FittedMaterialsSettings:
 
     def __post_init__(self) -> None:
         check_settings(self)
+
+
+_OBJECTS, _VIEWS = ("pyramid", "figure"), ("top", "frontal")
+
+
+@dataclass(frozen=True)
+class ReflectanceFieldsSettings:
+    """Settings of `reflectance-fields`. The thesis: 11 frames, 198 lamps, 512 paths, 151 directions, up to 3072 texels."""
+
+    objects: tuple[str, ...] = setting(_OBJECTS, "objects on the turntable", choices=_OBJECTS)
+    views: tuple[str, ...] = setting(_VIEWS, "where the camera stands", choices=_VIEWS)
+    frames: int = setting(11, "frames, one degree from each to the next", within="[2, 360]")
+    lamps: int = setting(198, "lamps on the dome, all on", within="[1, 4096]")
+    width: int = setting(320, "width and height of the pictures [px]", within="[48, 4096]")
+    samples: int = setting(16, "paths per pixel, each meeting all lamps; 16 times as many within bodies", within="[1, 65536]")
+    bounces: int = setting(12, "scattering events per path, on the turntable and in the dome", within="[1, 64]")
+    texels: tuple[int, ...] = setting((512, 768), "texels of the objects' atlases each way, one experiment for each")
+    directions: int = setting(61, "directions of light, and of view, of the dome (thesis: 151)", within="[8, 4096]")
+    dome_samples: int = setting(4, "paths of the dome per texel and view; each serves all lights", within="[1, 65536]")
+    rank: int = setting(64, "factors that the fields are compressed to", within="[1, 1024]")
+    detail: float = setting(1.0, "fineness of the objects' meshes", within="[0.05, 4]")
+    light_error_deg: float = setting(0.08, "how far real lamps stand off, root mean square [degrees]", within="[0, 10]")
+    camera_error_px: float = setting(0.16, "how far real pictures are shifted, root mean square [px]", within="[0, 10]")
+    read_noise: float = setting(0.002, "noise of the real camera in the dark, of white", within="[0, 1]")
+    shot_noise: float = setting(0.0001, "variance of its noise per light, of white", within="[0, 1]")
+    seed: int = setting(0, "seed of everything random", within="[0, 2147483647]")
+    algorithms: tuple[str, ...] = setting(("horn-schunck", "papenberg", "brox"), "flow algorithms, see flow-eval")
+
+    def __post_init__(self) -> None:
+        check_settings(self)
