@@ -15,6 +15,7 @@ from ..flow_metrics import DFE_CLASSES, difference_of
 from ..images import ssim_picture
 from ..plots import jet, save_class_bars, save_difference_histogram
 from ..report import Report, Table
+from .conclusions import Verdict
 from .settings import ReflectanceFieldsSettings
 
 REAL = "real"
@@ -101,13 +102,17 @@ def _conclusions(settings: ReflectanceFieldsSettings, differences: Differences, 
                 text, within = "fields and textures do alike: the error changes by less than a fifth", (0.8, 1.25)
             else:
                 text, within = "fields do better than textures", (0.0, 1.0)
-            rows.append([f"{name}, {view}: {text}", a, "dfe of BTF / TEX", *ratio, _word(ratio, within)])
+            rows.append(_row(f"{name}, {view}: {text}", a, "dfe of BTF / TEX", ratio, within))
             if len(settings.texels) > 1 and name == "figure" and view == "frontal":
                 ratio = _ratio(pairs[f"BTF {large}"], differences.flow[name, view, f"BTF {min(settings.texels)}", a], rng)
                 text = "a finer atlas does better"
-                rows.append([f"{name}, {view}: {text}", a, "dfe of BTF fine / coarse", *ratio, _word(ratio, (0.0, 1.0))])
+                rows.append(_row(f"{name}, {view}: {text}", a, "dfe of BTF fine / coarse", ratio, (0.0, 1.0)))
     columns = ("the thesis finds", "algorithm", "measure", "here", "low", "high", "verdict")
     return Table("conclusions", "What the thesis finds, and what holds here", columns, rows)
+
+
+def _row(text: str, algorithm: str, measure: str, ratio: tuple[float, float, float], within: tuple[float, float]) -> list:
+    return [text, algorithm, measure, *ratio, Verdict(text, algorithm, measure, "", *ratio, within).word]
 
 
 def _flow(settings: ReflectanceFieldsSettings, differences: Differences, rng: np.random.Generator) -> Table:
@@ -161,13 +166,6 @@ def _ratio(above: Sequence[NDArray], below: Sequence[NDArray], rng: np.random.Ge
     drawn = rng.multinomial(len(sums), np.full(len(sums), 1 / len(sums)), _DRAWS) @ sums
     low, high = np.quantile(drawn[:, 0] / drawn[:, 1], (0.025, 0.975))
     return value, float(low), float(high)
-
-
-def _word(found: tuple[float, float, float], within: tuple[float, float]) -> str:
-    _, low, high = found
-    if within[0] <= low and high <= within[1]:
-        return "holds"
-    return "does not hold" if high < within[0] or low > within[1] else "cannot be told"
 
 
 def _draw(

@@ -150,11 +150,11 @@ def search(
         for model in front:
             more = _extend(model, start, effects, settings, trials, depth)
             found += more
-            before |= {_key(m): max(model.excess, before.get(_key(m), 0.0)) for m in more}
+            before |= {key_of(m): max(model.excess, before.get(key_of(m), 0.0)) for m in more}
         unique = []
         for model in sorted(found, key=lambda m: m.total):
-            if _key(model) not in seen:
-                seen.add(_key(model))
+            if key_of(model) not in seen:
+                seen.add(key_of(model))
                 unique.append(model)
         if not unique:
             break
@@ -165,7 +165,7 @@ def search(
         say("  " + " + ".join(names(best)) + f": held-out chi-square {best.total / (weight > 0).sum():.4f}")
         # What does not pay for itself will not be chosen, and is no ground to build on.
         near = [m for m in unique[: settings.branches] if m.excess < 3 * max(best.excess, 0) + 0.01]
-        front = [m for m in near if m.excess < (1 - settings.least_share) * before[_key(m)]]
+        front = [m for m in near if m.excess < (1 - settings.least_share) * before[key_of(m)]]
     return start, _choose(case, weight, finished, settings), trials
 
 
@@ -191,7 +191,8 @@ def rough_by(start: Model, model: Model) -> float:
     return roughness(model) ** 2 * (start.total - model.total) / float((model.weight > 0).sum())
 
 
-def _key(model: Model) -> frozenset:
+def key_of(model: Model) -> frozenset[tuple[str, str | None]]:
+    """Return which effects a model has, in whatever order they were found."""
     return frozenset(t.key for t in model.effects)
 
 

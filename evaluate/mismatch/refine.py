@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .attribute import Model, SearchSettings, Trial, assess, gain_of, least_gain, names, roughness
+from .attribute import Model, SearchSettings, Trial, assess, gain_of, key_of, least_gain, names, roughness
 from .calibrate import weigh
 from .case import Case, Floats
 from .decoys import DecoyResult, decoy_term, decoys_for
@@ -42,11 +42,11 @@ def exchanged(case: Case, base: Model, model: Model, effects: list[Effect], sett
     The search goes on from what gains most: fog, which can lift shadows and blur lights as well. Once the rest is known,
     light from all around or glare may do all that is left of it. What was tried joins `trials`.
     """
-    seen = {_key(model)}
+    seen = {key_of(model)}
     for _ in range(_EXCHANGES):
         best, worth = None, _cost(model, settings) - _PAY * settings.least_gain
         for t in model.effects:
-            candidates = [c for c in _rivals(case, base, model, t, effects, settings, trials) if _key(c) not in seen]
+            candidates = [c for c in _rivals(case, base, model, t, effects, settings, trials) if key_of(c) not in seen]
             slack = _slack(base, model, t) if candidates else 0.0
             for c in candidates:
                 cost = _cost(c, settings) - (slack if _freedom(c) < _freedom(model) else 0.0)
@@ -55,12 +55,8 @@ def exchanged(case: Case, base: Model, model: Model, effects: list[Effect], sett
         if best is None:
             break
         model = best
-        seen.add(_key(model))
+        seen.add(key_of(model))
     return model
-
-
-def _key(model: Model) -> frozenset[Key]:
-    return frozenset(t.key for t in model.effects)
 
 
 def _freedom(model: Model) -> int:
@@ -93,12 +89,12 @@ def _rivals(
         if (e.id, target) not in rest
     }
     # What the search has fitted already is not fitted anew.
-    known = {_key(trial.model): trial.model for trial in trials if trial.model is not None}
+    known = {key_of(trial.model): trial.model for trial in trials if trial.model is not None}
     near = [known[key] for key in rivals if key in known]
     fresh = [pair for key, pair in rivals.items() if key not in known]
-    others, around, weight = _others(case, base, model, term)
-    less = assess(around, weight, fit(around, weight, others, 6)) if fresh else base
     if fresh:
+        others, around, weight = _others(case, base, model, term)
+        less = assess(around, weight, fit(around, weight, others, 6))
         about = context(around, weight, less.fit)
         small = screen(around, weight, less.terms, settings.screen_frames)
         goal = small.tried(term.effect, term.target, 0.0)
