@@ -49,6 +49,7 @@ proof: setup  ## show what is claimed, number by number -> out/proof.jsonl
 
 experiments: setup  ## run the experiments on optical flow -> out/experiments/NAME/report.html (hours; ARGS for all of them)
 	$(BIN)/meniscus experiment fitted-materials -o out/experiments/fitted-materials $(ARGS)
+	$(BIN)/meniscus experiment reflectance-fields -o out/experiments/reflectance-fields $(ARGS)
 	$(BIN)/meniscus experiment true-wet -o out/experiments/true-wet $(ARGS)
 	$(BIN)/meniscus experiment wetter -o out/experiments/wetter $(if $(DRIVES),--recordings $(DRIVES)) $(ARGS)
 
