@@ -80,7 +80,7 @@ def load_file(file: str | Path) -> list[Effect]:
     Raises
     ------
     InputError
-        If there is no such file, running it fails, or it defines no effect, or one without id, stage or words.
+        If there is no such file, running it fails, or it defines no effect, or one without id, stage, words or `change`.
     """
     file = Path(file)
     spec = importlib.util.spec_from_file_location(f"effects_{file.stem}", file) if file.is_file() else None
@@ -100,4 +100,6 @@ def load_file(file: str | Path) -> list[Effect]:
                 raise InputError("be given as text", file=file, key=f"{c.__name__}.{name}")
         if c.stage not in STAGES:
             raise InputError(f"be one of {', '.join(STAGES)}", got=c.stage, file=file, key=f"{c.__name__}.stage")
+        if c.change is Effect.change:
+            raise InputError("be defined: it is what the effect does", file=file, key=f"{c.__name__}.change")
     return [c() for c in own]

@@ -190,6 +190,10 @@ def test_a_user_adds_an_effect_from_a_file(tmp_path):
         ("x = 1", "define a subclass"),
         ("import nothing_of_this_name", "ModuleNotFoundError"),
         ("from evaluate.mismatch.effect import Effect\nclass A(Effect):\n    id = 'a'", "A.stage must be given"),
+        (
+            "from evaluate.mismatch.effect import Effect\nclass A(Effect):\n    id, stage, title, says = 'a', 'lens', 'an a', 'as'",
+            "A.change must be defined",
+        ),
     ],
 )
 def test_a_file_without_a_usable_effect_is_refused(tmp_path, text, words):
